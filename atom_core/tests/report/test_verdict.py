@@ -317,7 +317,10 @@ def test_a_camera_on_an_arm_agrees_with_nobody_and_disagrees_with_nobody():
     assert verdict.grade == GOOD and verdict.sentence.endswith("stay are found in one place")
     verdict = evaluation_verdict(evaluate(scene.dataset, scene.dataset))
     assert verdict.grade == WRONG
-    assert re.search(r": boards that stay are up to \d+ mm apart \(rgb_1\); ", verdict.sentence)
+    assert re.search(
+        r": boards that stay are up to \d+ mm apart and [0-9.]+ deg turned \(rgb_1\); ",
+        verdict.sentence,
+    )
 
 
 def test_sensors_that_were_not_compared_are_not_said_to_agree():

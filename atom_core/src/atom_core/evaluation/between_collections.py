@@ -8,11 +8,12 @@ collections put it, in pixels, millimetres and degrees.
 from __future__ import annotations
 
 from itertools import combinations, product
-from typing import Collection, Dict, Iterator, List, Optional, Tuple
+from typing import Collection, Dict, Iterator, List, Mapping, Optional, Tuple
 
 import numpy as np
 
 from atom_core.errors import DatasetError
+from atom_core.evaluation.board_turn import Seen, turn_beyond_noise
 from atom_core.evaluation.hand_eye_views import depends_on_calibration
 from atom_core.evaluation.observed import NotMeasurableError, Observed
 from atom_core.evaluation.own_edges import own_edge_between, why_own
@@ -105,16 +106,17 @@ def between_collections(
     names, across = _apart(pair, dataset, names, frame, own)
     if not names and across is not None:
         return PairResult(pair, None, skipped=why_own(across))
-    errors, why = _measured(pair, observed, dataset, names, frame)
-    if not errors:
+    seen, why = _measured(pair, observed, dataset, names, frame)
+    if not seen:
         reason = why or "no two collections in which they see the same fixed board"
         return PairResult(pair, None, skipped=reason)
-    floor = None if true is None else _measured(pair, observed, true, names, frame)[0]
+    floor = None if true is None else _by_name(_measured(pair, observed, true, names, frame)[0])
     return PairResult(
         pair,
-        summarised(errors),
+        summarised(_by_name(seen)),
         at_truth=summarised(floor) if floor else None,
-        unseen=sum(e.unseen for e in errors.values()),
+        unseen=sum(e.unseen for e in seen.values()),
+        turned_rad=turn_beyond_noise(observed, seen) if pair.source == pair.target else None,
     )
 
 
@@ -139,9 +141,9 @@ def _apart(
 
 def _measured(
     pair: Pair, observed: Observed, dataset: Dataset, patterns: List[str], frame: Optional[str]
-) -> Tuple[Dict[Tuple[str, str], Errors], str]:
-    """Return errors by ("a-b", pattern), and why the last was not measured that was not."""
-    errors: Dict[Tuple[str, str], Errors] = {}
+) -> Tuple[Dict[Seen, Errors], str]:
+    """Return errors by both detections, and why the last was not measured that was not."""
+    errors: Dict[Seen, Errors] = {}
     why = ""
     for pattern in patterns:
         middle = frame or dataset.patterns[pattern].parent_frame
@@ -149,16 +151,21 @@ def _measured(
         of_target = _poses(dataset, pair.target, pattern, middle)
         for a, b in _pairs_of_collections(pair, list(of_source), list(of_target)):
             target_T_source = se3.inverse(of_target[b]) @ of_source[a]
+            there = DetectionKey(a, pair.source, pattern)
+            here = DetectionKey(b, pair.target, pattern)
             try:
-                errors[f"{a}-{b}", pattern] = pair.kind.measure(
-                    observed,
-                    DetectionKey(a, pair.source, pattern),
-                    DetectionKey(b, pair.target, pattern),
-                    target_T_source,
-                )
+                errors[there, here] = pair.kind.measure(observed, there, here, target_T_source)
             except NotMeasurableError as reason:
                 why = str(reason)
     return errors, why
+
+
+def _by_name(seen: Mapping[Seen, Errors]) -> Dict[Tuple[str, str], Errors]:
+    """Return errors by ("a-b", pattern)."""
+    return {
+        (f"{there.collection}-{here.collection}", there.pattern): errors
+        for (there, here), errors in seen.items()
+    }
 
 
 def _poses(dataset: Dataset, sensor: str, pattern: str, middle: str) -> Dict[str, np.ndarray]:

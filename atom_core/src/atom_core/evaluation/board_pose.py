@@ -12,13 +12,23 @@ from atom_core.problem.corner_measurement import CornerMeasurement
 
 _ITERATIONS = 50
 _SMALL_STEP = 1e-12
+_LEAST_PX = 0.05  # corners are wrong by at least as much, along each axis
+_AS_GOOD = 1.5  # times as far off, the other solution of the planar ambiguity may be the right one
+_ANOTHER_RAD = 0.02  # by which two solutions differ
 
 
 class BoardPose(NamedTuple):
-    """``camera_T_pattern`` (4, 4) and the root mean square of its reprojection errors [px]."""
+    """A board before a camera.
+
+    Attributes:
+        camera_T_pattern: (4, 4).
+        rms_px: root mean square of its reprojection errors.
+        rival_px: likewise of the other solution of the planar ambiguity; infinite: there is none.
+    """
 
     camera_T_pattern: np.ndarray
     rms_px: float
+    rival_px: float = np.inf
 
 
 def board_pose(measurement: CornerMeasurement) -> Optional[BoardPose]:
@@ -27,7 +37,30 @@ def board_pose(measurement: CornerMeasurement) -> Optional[BoardPose]:
     Both solutions of the planar ambiguity are refined, the better one is returned.
     """
     refined = [refine_pose(measurement, start) for start in measurement.candidates()]
-    return min(refined, key=lambda found: found.rms_px) if refined else None
+    if not refined:
+        return None
+    best = min(refined, key=lambda found: found.rms_px)
+    turns = [se3.pose_difference(best[0], found.camera_T_pattern)[1] for found in refined]
+    rivals = [found.rms_px for found, turn in zip(refined, turns) if turn > _ANOTHER_RAD]
+    return best._replace(rival_px=min(rivals, default=np.inf))
+
+
+def turn_variance(measurement: CornerMeasurement, found: BoardPose) -> float:
+    """Return the mean squared angle [rad^2] by which the corners' noise turns a board's pose.
+
+    Infinite where the other solution explains the corners nearly as well.
+
+    Args:
+        measurement: the corners.
+        found: the board's pose by them.
+    """
+    corners, pixels = measurement.corners_in_pattern, measurement.pixels
+    noise_px = max(found.rms_px * np.sqrt(len(corners) / max(2 * len(corners) - 6, 1)), _LEAST_PX)
+    if found.rival_px < _AS_GOOD * max(found.rms_px, _LEAST_PX):
+        return float(np.inf)
+    _, jacobian = linearised(measurement.camera, found.camera_T_pattern, corners, pixels)
+    covariance = np.linalg.pinv(jacobian.T @ jacobian)
+    return float(noise_px**2 * np.trace(covariance[:3, :3]))
 
 
 def refine_pose(measurement: CornerMeasurement, camera_T_pattern: np.ndarray) -> BoardPose:

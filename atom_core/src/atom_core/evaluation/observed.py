@@ -8,7 +8,7 @@ from typing import Dict, Mapping, Optional, Tuple
 import numpy as np
 
 from atom_core.errors import AtomError
-from atom_core.evaluation.board_pose import BoardPose, board_pose
+from atom_core.evaluation.board_pose import BoardPose, board_pose, turn_variance
 from atom_core.evaluation.borders import clipped_to_image, projected_border
 from atom_core.geometry.camera import Camera
 from atom_core.model.dataset import Dataset, range_points
@@ -109,6 +109,17 @@ class Observed:
         Raises:
             NotMeasurableError: the corners do not determine it.
         """
+        return self._board_pose(key).camera_T_pattern
+
+    def turn_variance(self, key: DetectionKey) -> float:
+        """Return the mean squared angle [rad^2] by which noise turns the board in an image.
+
+        Raises:
+            NotMeasurableError: the corners do not determine its pose.
+        """
+        return turn_variance(self.corners(key), self._board_pose(key))
+
+    def _board_pose(self, key: DetectionKey) -> BoardPose:
         if key not in self._poses:
             self._poses[key] = board_pose(self.corners(key))
         found = self._poses[key]
@@ -116,7 +127,7 @@ class Observed:
             raise NotMeasurableError(
                 f"the corners of '{key.sensor}' do not determine the board's pose"
             )
-        return found.camera_T_pattern
+        return found
 
     def has_annotation(self, key: DetectionKey) -> bool:
         """Tell whether someone drew the border in this image."""

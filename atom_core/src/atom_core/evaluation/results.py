@@ -65,6 +65,7 @@ class PairResult:
     unmeasured: Mapping[str, str] = field(default_factory=dict)
     unseen: int = 0
     displacement: Optional[Displacement] = None
+    turned_rad: Optional[float] = None
 
 
 def summarised(errors: Mapping[Tuple[str, str], Errors]) -> PairFigures:

@@ -17,6 +17,7 @@ from atom_core.report.verdict import (
     BETWEEN_CAMERAS_M,
     BETWEEN_CAMERAS_PX,
     BOARD_APART_M,
+    BOARD_TURNED_RAD,
     GOOD,
     GRADES,
     ODD,
@@ -40,7 +41,9 @@ from atom_core.report.verdict import (
     worst,
 )
 
-_NOT_CALIBRATED = "give the atom_calibration.json that `calibrate` wrote as --train"
+_NOT_CALIBRATED = (
+    "give the atom_calibration.json that `calibrate` wrote as --train, and see what it said of it"
+)
 _LITTLE = "which proves little: it may be as small with a wrong calibration"
 _OTHER_SENSOR = "test it beside a camera, a depth camera or a 3D LiDAR, too"
 _TILTED = "test with more boards that both see, tilted up, down and to both sides"
@@ -190,9 +193,12 @@ def _spread(result: PairResult) -> Optional[_Judged]:
     measured, camera = result.measured, result.pair.source
     if measured is None or measured.translation_mm is None:
         return None
-    apart = measured.translation_mm / 1e3
+    apart, turned = measured.translation_mm / 1e3, result.turned_rad or 0.0
+    grade, of_turn = BOARD_APART_M.grade(apart), BOARD_TURNED_RAD.grade(turned)
     words = f"boards that stay are {length(apart)} apart"
-    return _Judged(camera, camera, BOARD_APART_M.grade(apart), words, apart)
+    if of_turn != GOOD:
+        words += f" and {angle(turned)} turned"
+    return _Judged(camera, camera, worst([grade, of_turn]), words, apart)
 
 
 def _blamed(pairs: Sequence[_Judged]) -> Dict[str, str]:
@@ -292,11 +298,12 @@ def _sentence(grade: str, pairs: Sequence[_Judged], sensors: Dict[str, SensorVer
     if grade == WEAK:
         return f"use it with care: {_are(names)} weak on this test set"
     if _most_are_wrong(sensors):
-        largest = max(pairs, key=lambda pair: pair.size_m)
+        largest = max(pairs, key=lambda pair: (pair.grade == WRONG, pair.size_m))
         whose, size = f"{largest.source} and {largest.target}", length(largest.size_m)
         what = f"they disagree by up to {size} ({whose})"
         if largest.source == largest.target:
-            what = f"boards that stay are up to {size} apart ({largest.source})"
+            up_to = largest.words.replace(" are ", " are up to ", 1)
+            what = f"{up_to} ({largest.source})"
         return f"this is no calibration of these sensors: {what}; {_NOT_CALIBRATED}"
     return f"do not use it: {_are(names)} wrong on this test set"
 
