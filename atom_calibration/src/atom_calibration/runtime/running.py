@@ -12,8 +12,10 @@ from _thread import start_new_thread
 from typing import Any, Callable, List, Optional, Tuple
 
 import rospy
+from rosgraph.names import load_mappings
 
 from atom_calibration.runtime.master_watch import GONE, MasterWatch
+from atom_calibration.runtime.namesakes import refuse_second
 from atom_core.cli import as_typed
 from atom_core.commands.option_parser import at_home
 from atom_core.errors import AtomError, ConfigError
@@ -72,10 +74,13 @@ def start(name: str) -> None:
     layouts know nodes by these names.
 
     Raises:
-        ConfigError: there is no master, or it is lost while the node registers with it.
+        ConfigError: there is no master, or it is lost while the node registers with it; or a node
+            of this name runs already.
     """
     _hear_signals()
-    _watches[:] = [MasterWatch(check_master(), _stop, _end_without_master)]
+    master = check_master()
+    refuse_second(f"/{load_mappings(sys.argv).get('__name', name)}", stop=_stop)
+    _watches[:] = [MasterWatch(master, _stop, _end_without_master)]
     try:
         rospy.names._set_caller_id(f"/{name}")
         rospy.init_node(name, disable_signals=True)
