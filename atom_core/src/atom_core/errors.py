@@ -3,6 +3,15 @@
 Only a command's ``main`` turns them into an exit code (2, nothing written).
 """
 
+from __future__ import annotations
+
+from typing import Iterable
+
+
+def quoted(names: Iterable[str]) -> str:
+    """Return names as a message has them: ``'a', 'b'``."""
+    return ", ".join(f"'{name}'" for name in names)
+
 
 class AtomError(Exception):
     """Base of every error that a user can mend; ``str(error)`` is one line."""

@@ -7,7 +7,7 @@ from typing import Dict, List, Sequence, Tuple, Union
 
 import numpy as np
 
-from atom_core.errors import DescriptionError
+from atom_core.errors import DescriptionError, quoted
 from atom_core.io.urdf import Description, write_calibrated_description
 from atom_core.io.urdf_boards import BoardLink, with_boards
 from atom_core.model.dataset import MULTIPLE, board_edge
@@ -86,8 +86,8 @@ def _write_with_boards(
 
 
 def _no_parent(boards: Sequence[BoardLink]) -> str:
-    names = ", ".join(f"'{name}'" for name in dict.fromkeys(b.edge.parent for b in boards))
-    return f"the robot has no link {names}, the board's parent_link"
+    names = dict.fromkeys(board.edge.parent for board in boards)
+    return f"the robot has no link {quoted(names)}, the board's parent_link"
 
 
 def _written_values(

@@ -15,7 +15,7 @@ from typing import Any, Dict, Mapping, Optional, Tuple
 import numpy as np
 
 from atom_core import native
-from atom_core.errors import ConfigError, DescriptionError
+from atom_core.errors import ConfigError, DescriptionError, quoted
 from atom_core.geometry import se3
 from atom_core.io.atomic import write_text_atomically
 from atom_core.io.paths import PackageResolver, PathLike, looked_for, resolve_path
@@ -408,5 +408,5 @@ def _unwritable(description: Description, flaw: str) -> DescriptionError:
 
 
 def _names(wanted: Mapping[Edge, _Origin], edges: Tuple[Edge, ...]) -> str:
-    names = ", ".join(f"'{wanted[edge].joint.name}'" for edge in edges)
+    names = quoted(wanted[edge].joint.name for edge in edges)
     return f"joint {names}" if len(edges) == 1 else f"joints {names}"

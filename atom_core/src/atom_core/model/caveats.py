@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Tuple
 
+from atom_core.errors import quoted
+
 
 @dataclass(frozen=True)
 class Caveat:
@@ -23,5 +25,5 @@ class Caveat:
     @property
     def sentence(self) -> str:
         """All of it, in one line."""
-        names = ", ".join(f"'{name}'" for name in self.sensors)
-        return f"sensor{'s' * (len(self.sensors) > 1)} {names}: {self.what}; {self.remedy}"
+        plural = "s" * (len(self.sensors) > 1)
+        return f"sensor{plural} {quoted(self.sensors)}: {self.what}; {self.remedy}"

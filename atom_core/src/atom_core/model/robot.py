@@ -7,7 +7,7 @@ from typing import Dict, Iterable, List, Mapping, Optional, Tuple
 
 import numpy as np
 
-from atom_core.errors import DescriptionError
+from atom_core.errors import DescriptionError, quoted
 from atom_core.geometry import se3
 from atom_core.model.transforms import Edge
 
@@ -239,7 +239,7 @@ class RobotDescription:
             waiting.extend(new)
         lost = [link for link in self.links if link not in reached]
         if lost or self.root_link in above:
-            names = ", ".join(f"'{link}'" for link in lost[:5]) or f"'{self.root_link}'"
+            names = quoted(lost[:5] or [self.root_link])
             raise DescriptionError(
                 f"robot '{self.name}': no chain of joints leads from the root link "
                 f"'{self.root_link}' to {names}; the joints must make one tree, without a loop"

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from atom_core.errors import CalibrationError
+from atom_core.errors import CalibrationError, quoted
 from atom_core.geometry import se3
 from atom_core.model.dataset import Dataset
 from atom_core.model.transforms import chain_transform
@@ -54,10 +54,10 @@ def check_connected(dataset: Dataset, measurements: Sequence[Measurement], free:
         detected = {key.sensor for key, _ in dataset.detections()}
         alone = [name for name in blind if name in detected]
         what = (
-            f"sensor {_list(alone)} sees no board together with another sensor, so nothing ties "
+            f"sensor {quoted(alone)} sees no board together with another sensor, so nothing ties "
             f"it to the rig; {_remedy(dataset, alone)}"
             if alone
-            else f"sensor {_list(blind)} has no detection in any collection used; collect again"
+            else f"sensor {quoted(blind)} has no detection in any collection used; collect again"
         )
         several = len(dataset.sensors) > 1
         raise CalibrationError(f"{what}, or leave it out with -ssf" if several else what)
@@ -97,7 +97,7 @@ def _remedy(dataset: Dataset, alone: Sequence[str]) -> str:
     carriers, keys = [dataset.sensors[name].edge.parent for name in alone], [*dataset.collections]
     if all(stand_still(dataset, [carrier, *parents], keys) for carrier in carriers):
         return several
-    still = f"if pattern {_list(loose)} does not move in the frame that it is attached to"
+    still = f"if pattern {quoted(loose)} does not move in the frame that it is attached to"
     said = f"{still} while the robot moves, set `fixed: true` of it in the configuration"
     return said if single else f"{several}; {said}"
 
@@ -131,7 +131,3 @@ def stand_still(dataset: Dataset, frames: Sequence[str], collections: Iterable[s
         if np.max(moved_m) > _STILL_M or np.max(turned_rad) > _STILL_RAD:
             return False
     return True
-
-
-def _list(names: Sequence[str]) -> str:
-    return ", ".join(f"'{name}'" for name in names)

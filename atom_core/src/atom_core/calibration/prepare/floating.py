@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Dict, List, Sequence, Set, Tuple
 
 from atom_core.calibration.prepare.connectivity import nothing_moves
+from atom_core.errors import quoted
 from atom_core.model.dataset import MULTIPLE, Dataset, board_edge
 from atom_core.model.transforms import Edge
 from atom_core.problem.builder import FreeEdges
@@ -125,7 +126,7 @@ def only_by_priors(
     if not names or len(without) == len(floating_parts(dataset, measurements, free)):
         return []
     return [
-        f"only the prior of {', '.join(map(repr, names))} ties the rig to '{dataset.world}', and "
+        f"only the prior of {quoted(names)} ties the rig to '{dataset.world}', and "
         f"its standard deviations are in those of all edges; for places relative to a sensor, "
         f"hold it (-as)"
     ]
@@ -158,10 +159,9 @@ def holding(
             if edge in free.held_first:
                 continue
             free = replace(free, held_first=free.held_first | {edge})
-            boards = ", ".join(map(repr, part.boards))
             remarks.append(
-                f"board {boards} and additional tf '{name}' are seen relative to each other only: "
-                f"'{name}' is held where the first collection has it, and the others and the board "
-                f"are relative to that (or say with --prior how well it is known)"
+                f"board {quoted(part.boards)} and additional tf '{name}' are seen relative to each "
+                f"other only: '{name}' is held where the first collection has it, and the others "
+                f"and the board are relative to that (or say with --prior how well it is known)"
             )
     return free, remarks

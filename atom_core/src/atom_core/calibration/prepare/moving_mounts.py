@@ -6,7 +6,7 @@ from typing import Dict, List, Optional, Sequence
 
 import numpy as np
 
-from atom_core.errors import CalibrationError
+from atom_core.errors import CalibrationError, quoted
 from atom_core.geometry import se3
 from atom_core.model.dataset import Dataset
 from atom_core.model.joints import MOVING_TYPES
@@ -43,7 +43,7 @@ def check_mounts(
         apart_m, apart_rad = se3.pose_differences(poses[:1], poses)
         if np.all((apart_m <= _SAME_M) & (apart_rad <= _SAME_RAD)):
             continue
-        sensors = ", ".join(f"'{name}'" for name in dict.fromkeys(names[edge]))
+        sensors = quoted(dict.fromkeys(names[edge]))
         by = f"{1e3 * np.max(apart_m):.1f} mm and {np.degrees(np.max(apart_rad)):.2f} deg"
         mover = _mover(dataset, edge, list(keys), poses)
         if mover is not None:
