@@ -39,7 +39,7 @@ def sigma_factors(
         cautious: likewise, with what the rows of a detection may have in common.
         estimated: the model errors that were estimated.
     """
-    place = {e: equations.shared + i for i, e in enumerate(equations.errors)}
+    place = equations.place
     base = [*range(equations.shared), *(place[e] for e in estimated if e in place)]
     model, known = _model_variance(equations, base)
     count, numbers = len(equations.collections), BLOCK_SIZE * equations.blocks

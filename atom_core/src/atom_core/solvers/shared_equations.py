@@ -8,7 +8,7 @@ wrong within one: how much they differ tells how sure the answer is without any 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Iterable, Iterator, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Dict, Iterable, Iterator, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -63,6 +63,16 @@ class SharedEquations:
     held_gradient: np.ndarray
     free: np.ndarray
     stated: np.ndarray
+
+    @property
+    def place(self) -> Dict[ModelError, int]:
+        """Where each model error stands among the m numbers."""
+        return {error: j for j, error in enumerate(self.errors, self.shared)}
+
+    @property
+    def total_gradient(self) -> np.ndarray:
+        """(m,) of all, with what is no collection's."""
+        return np.asarray(self.gradient.sum(axis=0) + self.held_gradient)
 
     def of_collections(
         self, names: Tuple[str, ...], parts: Tuple[CollectionPart, ...], gradient: np.ndarray

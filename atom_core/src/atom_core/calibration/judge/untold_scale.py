@@ -80,7 +80,7 @@ def _told_by_data(
     """
     total = equations.total.copy()
     expected = dict(usual)
-    for j, error in enumerate(equations.errors, equations.shared):
+    for error, j in equations.place.items():
         prior = priors.get(error)
         if type(error) in kinds and prior is not None and prior.sigma >= error.usual:
             total[j, j] -= (error.step / prior.sigma) ** 2

@@ -116,17 +116,14 @@ def left_open(
         usual: standard deviations of those that the solution has not estimated, in their units.
         free_borders: believe no sensor where it sees the edges of boards.
     """
-    place = dict(enumerate(equations.errors, equations.shared))
-    nuisances = {e for e in equations.errors if isinstance(e, SeenBorder)}
+    place, total, gradient = equations.place, equations.total, equations.total_gradient
+    nuisances = {e for e in place if isinstance(e, SeenBorder)}
     held = set() if free_borders else nuisances
-    free = (j for j, e in place.items() if e not in held and (e in nuisances or e not in usual))
-    base = [*range(equations.shared), *free]
-    rest = [j for j, e in place.items() if e in usual and e not in nuisances]
-    total = equations.total
-    gradient = equations.gradient.sum(axis=0) + equations.held_gradient
+    free = (e for e in place if e not in held and (e in nuisances or e not in usual))
+    errors = [e for e in place if e in usual and e not in nuisances]
+    base, rest = [*range(equations.shared), *(place[e] for e in free)], [place[e] for e in errors]
     cross = total[np.ix_(base, rest)]
     gains = _inverse_of_seen(total[np.ix_(base, base)]) @ cross
-    errors = [place[j] for j in rest]
     expected = np.array([usual[error] for error in errors])
     sizes = expected / np.array([error.step for error in errors])
     covariance = _posterior(total[np.ix_(rest, rest)] - cross.T @ gains, sizes)

@@ -174,7 +174,7 @@ class _Said:
         They hold until the next ones are asked for.
         """
         shared, said = self._shared, self._parts
-        own = shared.shared + shared.errors.index(error)
+        own = shared.place[error]
         numbers = np.append(self._numbers, own)
         for part, which in zip(said, self._order):
             part[:, -1] = part[-1] = shared.parts[which].column(own, numbers)

@@ -171,13 +171,13 @@ class _Step:
 
     def __init__(self, equations: SharedEquations, taken: Sequence[ModelError], loss: str):
         self._equations, self._length = equations, losses.step_length(loss)
-        place = {e: equations.shared + i for i, e in enumerate(equations.errors)}
+        place = equations.place
         base = [*range(equations.shared), *(place[e] for e in taken)]
         self.candidates = [e for e in equations.errors if e not in taken and e.is_named]
         rest = [place[e] for e in self.candidates]
         self._most = np.array([e.most / e.step for e in self.candidates])
         total = equations.total
-        gradient = equations.gradient.sum(axis=0) + equations.held_gradient
+        gradient = equations.total_gradient
         cross = total[np.ix_(base, rest)]
         self._gains = inverse(total[np.ix_(base, base)]) @ cross  # (b, c)
         of_all = total[np.ix_(rest, rest)] - cross.T @ self._gains

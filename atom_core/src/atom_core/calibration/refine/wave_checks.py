@@ -151,10 +151,9 @@ def _check(
     equations = shared_equations(
         problem, solver.equations(x, sigmas, loss), scalars, sigmas, priors, common
     )
-    gradient = equations.gradient.sum(axis=0) + equations.held_gradient
+    gradient, place = equations.total_gradient, equations.place
     covariance = inverse(equations.total)
     step = -covariance @ gradient
-    place = {e: equations.shared + i for i, e in enumerate(equations.errors)}
     mine = [place[wave] for wave in waves if wave in place]
     heights = np.array([w.step * w.share(block.on_own_rays) for w in waves if w in place])
     second = heights @ heights.T / heights.shape[1]  # (k, k) mean products over the points
