@@ -36,7 +36,6 @@ from atom_core.problem.model_errors import ModelError
 from atom_core.problem.residuals import REPROJECTION
 from atom_core.solvers.base import CONVERGED, SIGMA, SolverFactory, SolverSetup
 from atom_core.solvers.covariance import Covariance
-from atom_core.solvers.reweighting import covariance_of
 from atom_core.solvers.robust_covariance import degrees_of_freedom, sigma_factors
 
 _OF_SCATTER = 0.7  # part of what an arm that is off explains, each collection by itself
@@ -70,17 +69,16 @@ def examined(
     initial: Dataset,
     refined: Refined,
     options: CalibrationOptions,
-    covariance: Covariance,
     make_solver: SolverFactory,
 ) -> Examined:
     """Return what the data say of the model; nothing unless the solver has converged."""
     summary, loss = refined.summary, options.solver.loss
     if summary.status != CONVERGED:
-        return Examined(covariance)
+        return Examined(refined.covariance)
     unfit = tuple(misfits(refined.solver, summary.x, summary.sigmas, loss, make_solver))
     if options.solver.weights != SIGMA:
-        return Examined(covariance, unfit)
-    found = _checked(initial, refined, options, covariance)._replace(unfit=unfit)
+        return Examined(refined.covariance, unfit)
+    found = _checked(initial, refined, options)._replace(unfit=unfit)
     moving, moved = _moving(dataset, refined, options, found.checks), found.moved
     scatter = max((edge.gain for edge in moving), default=0.0)
     if moved is not None and moved.gain < _OF_SCATTER * scatter:
@@ -119,8 +117,7 @@ def beside_moving_parts(
     if after.solver is before.solver or after.summary.status != CONVERGED:
         return found
     other = replace(refined, solver=after.solver, summary=after.summary, free=after.free)
-    covariance = covariance_of(after.solver, after.summary, refined.options)
-    return found._replace(checks=_checked(initial, other, options, covariance).checks)
+    return found._replace(checks=_checked(initial, other, options).checks)
 
 
 def of_the_model(refined: Refined, options: CalibrationOptions, found: Examined) -> List[str]:
@@ -154,9 +151,7 @@ def _with_motion(reasons: List[str], moved: Optional[Motion]) -> List[str]:
     return reasons
 
 
-def _checked(
-    initial: Dataset, refined: Refined, options: CalibrationOptions, covariance: Covariance
-) -> Examined:
+def _checked(initial: Dataset, refined: Refined, options: CalibrationOptions) -> Examined:
     """Return the covariance, robust and combined, the model checks, what moved, what is untold."""
     loss, estimated = refined.options.loss, tuple(refined.summary.model_errors)
     solution = checked(initial, refined.solver, refined.summary, refined.options, with_fields=True)
@@ -165,7 +160,7 @@ def _checked(
     of_errors = dict(zip(estimated, factors[equations.shared :]))
     freedom = degrees_of_freedom(len(by_stop[0].collections))
     of_blocks = factors[: BLOCK_SIZE * equations.blocks]
-    covariance = covariance.robust(of_blocks, of_errors, freedom)
+    covariance = refined.covariance.robust(of_blocks, of_errors, freedom)
     every = solution.with_fields
     left = (error for error in every.errors if error not in estimated)
     usual = usual_sizes(left, options.intrinsics_sigma)

@@ -39,6 +39,7 @@ from atom_core.calibration.refine.moving_edges import MovingEdge
 from atom_core.calibration.refine.refinement import Refined
 from atom_core.calibration.start.boards import solved_dataset
 from atom_core.calibration.start.starts import ChosenStart, InitialProblem
+from atom_core.errors import quoted
 from atom_core.model.dataset import Dataset
 from atom_core.model.pattern import BoardKey
 from atom_core.problem.problem import Problem
@@ -119,11 +120,10 @@ def judge(
         make_solver: which solver.
     """
     start, summary, problem = chosen.solution.start, refined.summary, refined.solver.problem
-    covariance = covariance_of(refined.solver, summary, refined.options)
     dataset = answer(chosen, refined)
     solution = Solution(dataset, problem, summary.x)
-    weak = _weak(chosen, refined, solution, covariance, options)
-    found = _examined(dataset, start, refined, options, covariance, make_solver)
+    weak = _weak(chosen, refined, solution, options)
+    found = _examined(dataset, start, refined, options, make_solver)
     known = tuple(prior_results(problem.parameters, summary.x, found.covariance))
     out = exclusions(start.initial, start.measurements, refined.rejected)
     places = described if options.initial_guess == DESCRIPTION else dataset
@@ -159,11 +159,10 @@ def _examined(
     start: InitialProblem,
     refined: Refined,
     options: CalibrationOptions,
-    covariance: Covariance,
     make_solver: SolverFactory,
 ) -> Examined:
     """Return what the data say of the model, also where moving parts that do not fit have room."""
-    found = examined(dataset, start.initial, refined, options, covariance, make_solver)
+    found = examined(dataset, start.initial, refined, options, make_solver)
     given = start.initial, start.measurements
     return beside_moving_parts(found, *given, refined, options, make_solver)
 
@@ -185,11 +184,10 @@ def _why_held(
     start = chosen.solution.start
 
     def look_at(other: Refined) -> Tried:
-        covariance = covariance_of(other.solver, other.summary, other.options)
         dataset, x = answer(chosen, other), other.summary.x
         solution = Solution(dataset, other.solver.problem, x)
-        weak = weak_directions(solution, covariance, *options.undetermined_limit)
-        found = examined(dataset, start.initial, other, options, covariance, make_solver)
+        weak = weak_directions(solution, other.covariance, *options.undetermined_limit)
+        found = examined(dataset, start.initial, other, options, make_solver)
         amiss = found.unfit or of_the_model(other, options, found)
         return Tried(not amiss, bool(weak))
 
@@ -202,13 +200,12 @@ def _weak(
     chosen: ChosenStart,
     refined: Refined,
     solution: Solution,
-    covariance: Covariance,
     options: CalibrationOptions,
 ) -> List[WeakDirection]:
     """Return what the data leave open."""
     weak = ambiguity(chosen.solution, chosen.rivals)
-    weak += weak_directions(solution, covariance, *options.undetermined_limit)
-    weak += weak_model_errors(covariance, options.undetermined_limit[0])
+    weak += weak_directions(solution, refined.covariance, *options.undetermined_limit)
+    weak += weak_model_errors(refined.covariance, options.undetermined_limit[0])
     summary = refined.summary
     if not weak and summary.status == NOT_CONVERGED and not summary.interrupted:
         return _weak_at_the_start(chosen.solution.start, refined, options)
@@ -233,12 +230,12 @@ def _held(
 def _if_a_fixed_board_moved(dataset: Dataset, problem: Problem) -> str:
     """Return the rest of a sentence about what does not fit; '' where each board may move."""
     patterns = sorted({key.pattern for key in problem.detections})
-    names = [f"'{name}'" for name in patterns if dataset.patterns[name].fixed]
+    names = [name for name in patterns if dataset.patterns[name].fixed]
     if not names:
         return ""
     parents = dict.fromkeys(dataset.patterns[name].parent_frame for name in patterns)
     return (
-        f"; if board {', '.join(names)}, configured `fixed: true`, was moved between collections, "
+        f"; if board {quoted(names)}, configured `fixed: true`, was moved between collections, "
         f"use those of one place (-csf), or set `fixed: false`; if it does not stand in its "
         f"parent_link ({', '.join(parents)}), correct that"
     )
@@ -254,11 +251,10 @@ def _weak_at_the_start(
     """
     problem = refined.solver.problem
     x = np.zeros_like(refined.summary.x)
-    summary = replace(refined.summary, x=x)
-    covariance = covariance_of(refined.solver, summary, refined.options)
+    began = replace(refined, summary=replace(refined.summary, x=x))
     boards = _of_use(start.initial, start.boards, problem)
     solution = Solution(solved_dataset(start.initial, problem, x, boards), problem, x)
-    return weak_directions(solution, covariance, *options.undetermined_limit)
+    return weak_directions(solution, began.covariance, *options.undetermined_limit)
 
 
 def _of_use(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Callable, Mapping, NamedTuple, Optional, Tuple
 
 from atom_core.calibration.options import AUTO, SUGGEST, CalibrationOptions
@@ -44,6 +44,7 @@ from atom_core.solvers.base import (
     SolverSetup,
     SolverSummary,
 )
+from atom_core.solvers.covariance import Covariance
 from atom_core.solvers.reweighting import covariance_of, solve, solve_again
 
 
@@ -76,6 +77,11 @@ class Refined:
     failure: Optional[str]
     remarks: Tuple[str, ...]
     options: SolverOptions
+
+    @cached_property
+    def covariance(self) -> Covariance:
+        """Of the parameters, as the weights have it."""
+        return covariance_of(self.solver, self.summary, self.options)
 
 
 def refine(
