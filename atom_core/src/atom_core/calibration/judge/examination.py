@@ -28,10 +28,10 @@ from atom_core.calibration.refine.moving_parts import (
 )
 from atom_core.calibration.refine.refinement import Refined
 from atom_core.calibration.refine.wave_checks import wave_checks
+from atom_core.calibration.start.starts import InitialProblem
 from atom_core.model.dataset import Dataset
 from atom_core.model.transforms import Edge
 from atom_core.problem.blocks import BLOCK_SIZE
-from atom_core.problem.measurements import Measurement
 from atom_core.problem.model_errors import ModelError
 from atom_core.problem.residuals import REPROJECTION
 from atom_core.solvers.base import CONVERGED, SIGMA, SolverFactory, SolverSetup
@@ -90,8 +90,7 @@ def examined(
 
 def beside_moving_parts(
     found: Examined,
-    initial: Dataset,
-    measurements: Sequence[Measurement],
+    start: InitialProblem,
     refined: Refined,
     options: CalibrationOptions,
     make_solver: SolverFactory,
@@ -102,8 +101,7 @@ def beside_moving_parts(
 
     Args:
         found: what the data say where the parts are where the dataset has them.
-        initial: what the problem was built from.
-        measurements: at least those of its detections.
+        start: what the problem was built from.
         refined: the solution.
         options: what the user asked for.
         make_solver: which solver.
@@ -113,11 +111,11 @@ def beside_moving_parts(
     parts = {Edge(edge.last_parent, edge.child): None for edge in found.moving}
     before = MovingSolution(refined.solver, refined.summary, refined.free)
     setup = SolverSetup(refined.options, make_solver)
-    after = with_moving_parts(initial, measurements, before, parts, setup)
+    after = with_moving_parts(start, before, parts, setup)
     if after.solver is before.solver or after.summary.status != CONVERGED:
         return found
     other = replace(refined, solver=after.solver, summary=after.summary, free=after.free)
-    return found._replace(checks=_checked(initial, other, options).checks)
+    return found._replace(checks=_checked(start.initial, other, options).checks)
 
 
 def of_the_model(refined: Refined, options: CalibrationOptions, found: Examined) -> List[str]:

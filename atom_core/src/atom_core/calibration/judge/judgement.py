@@ -163,8 +163,7 @@ def _examined(
 ) -> Examined:
     """Return what the data say of the model, also where moving parts that do not fit have room."""
     found = examined(dataset, start.initial, refined, options, make_solver)
-    given = start.initial, start.measurements
-    return beside_moving_parts(found, *given, refined, options, make_solver)
+    return beside_moving_parts(found, start, refined, options, make_solver)
 
 
 def _why_held(
@@ -192,7 +191,7 @@ def _why_held(
         return Tried(not amiss, bool(weak))
 
     names = stated.held
-    elsewhere = released(start.initial, start.measurements, refined, names, make_solver, look_at)
+    elsewhere = released(start, refined, names, make_solver, look_at)
     return (why_released(elsewhere, reasons[0]),) if elsewhere else ()
 
 

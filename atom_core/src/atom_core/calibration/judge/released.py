@@ -7,7 +7,7 @@ to be wrong, an arm, a board, the sensors beside it. So the problem is solved on
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Callable, List, NamedTuple, Sequence, Tuple
+from typing import Callable, NamedTuple, Sequence, Tuple
 
 import numpy as np
 
@@ -15,10 +15,9 @@ from atom_core.calibration.prepare.priors import OPTION
 from atom_core.calibration.refine.moving_parts import rebuilt
 from atom_core.calibration.refine.refinement import Refined
 from atom_core.calibration.start.boards import solved_dataset
+from atom_core.calibration.start.starts import InitialProblem
 from atom_core.errors import AtomError
 from atom_core.geometry import se3
-from atom_core.model.dataset import Dataset
-from atom_core.problem.measurements import Measurement
 from atom_core.solvers.base import CONVERGED, SIGMA, SolverFactory
 from atom_core.solvers.reweighting import solve_again
 
@@ -53,8 +52,7 @@ class Tried(NamedTuple):
 
 
 def released(
-    initial: Dataset,
-    measurements: Sequence[Measurement],
+    start: InitialProblem,
     refined: Refined,
     held: Sequence[str],
     make_solver: SolverFactory,
@@ -63,8 +61,7 @@ def released(
     """Return the sensors of which each, where it alone is released, leaves no contradiction.
 
     Args:
-        initial: what the problem was built from.
-        measurements: at least those of its detections.
+        start: what the problem was built from.
         refined: the solution that is contradicted.
         held: sensors whose place is stated though the data could tell it.
         make_solver: which solver.
@@ -72,10 +69,10 @@ def released(
     """
     if refined.options.weights != SIGMA:
         return ()
-    found: List[Released] = []
+    initial, found = start.initial, []
     for name in held:
         try:
-            free = _without(initial, refined, name, measurements, make_solver)
+            free = _without(start, refined, name, make_solver)
         except AtomError:
             continue
         if free.summary.status != CONVERGED:
@@ -94,20 +91,14 @@ def released(
 
 
 def _without(
-    initial: Dataset,
-    refined: Refined,
-    name: str,
-    measurements: Sequence[Measurement],
-    make_solver: SolverFactory,
+    start: InitialProblem, refined: Refined, name: str, make_solver: SolverFactory
 ) -> Refined:
     """Return the solution with a sensor's edge free, and those of all sensors that share it."""
-    edge, before = initial.sensors[name].edge, refined.solver.problem
+    sensors, before = start.initial.sensors, refined.solver.problem
     held = refined.free.anchored_sensors
-    free = replace(
-        refined.free,
-        anchored_sensors=tuple(n for n in held if initial.sensors[n].edge != edge),
-    )
-    solver = make_solver(rebuilt(initial, measurements, before, refined.summary.x, free))
+    left = tuple(n for n in held if sensors[n].edge != sensors[name].edge)
+    free = replace(refined.free, anchored_sensors=left)
+    solver = make_solver(rebuilt(start, before, refined.summary.x, free))
     summary = solve_again(solver, refined.options, before, refined.summary)
     return replace(refined, solver=solver, summary=summary, free=free)
 

@@ -7,7 +7,7 @@ estimated with them in turns until it stands still (`solvers/moving_spread.py`).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Dict, List, Mapping, Sequence, Tuple
+from typing import Dict, List, Mapping, Tuple
 
 import numpy as np
 
@@ -16,10 +16,9 @@ from atom_core.calibration.prepare.moving_parts import Sigmas, telling_collectio
 from atom_core.calibration.refine.model_errors import checked
 from atom_core.calibration.refine.moving_edges import moving_edges
 from atom_core.calibration.start.boards import boards_in, solved_dataset
-from atom_core.model.dataset import Dataset
+from atom_core.calibration.start.starts import InitialProblem
 from atom_core.model.transforms import Edge
 from atom_core.problem.builder import FreeEdges, build_problem
-from atom_core.problem.measurements import Measurement
 from atom_core.problem.moving_blocks import MovingPart
 from atom_core.problem.problem import Problem
 from atom_core.solvers.base import CONVERGED, SIGMA, Solver, SolverSetup, SolverSummary
@@ -54,8 +53,7 @@ class MovingSolution:
 
 
 def with_moving_parts(
-    initial: Dataset,
-    measurements: Sequence[Measurement],
+    start: InitialProblem,
     solution: MovingSolution,
     parts: Mapping[Edge, Sigmas],
     setup: SolverSetup,
@@ -67,15 +65,14 @@ def with_moving_parts(
     a remark says so.
 
     Args:
-        initial: with the parts as the dataset has them.
-        measurements: at least those of the problem's detections.
+        start: what the problem was built from, with the parts as the dataset has them.
         solution: without them.
         parts: standard deviations [m, rad] by edge; None: to be estimated.
         setup: which solver.
         first: where the estimated ones begin.
     """
-    used = {*solution.solver.problem.detections}
-    measurements = [m for m in measurements if m.key in used]
+    initial, used = start.initial, {*solution.solver.problem.detections}
+    measurements = [m for m in start.measurements if m.key in used]
     moving, remarks = dict(solution.free.moving), list(solution.remarks)
     for edge, sigmas in parts.items():
         told = len(telling_collections(initial, measurements, solution.free, edge))
@@ -86,13 +83,12 @@ def with_moving_parts(
         moving[edge] = MovingPart(*(sigmas or first), given, is_estimated=sigmas is None)
     if len(moving) == len(solution.free.moving) or solution.summary.interrupted:
         return replace(solution, remarks=tuple(remarks))
-    found = _settled(initial, measurements, solution, moving, setup)
+    found = _settled(start, solution, moving, setup)
     return replace(found, remarks=tuple(remarks))
 
 
 def with_shown_moving_parts(
-    initial: Dataset,
-    measurements: Sequence[Measurement],
+    start: InitialProblem,
     solution: MovingSolution,
     setup: SolverSetup,
     limit: Tuple[float, float] = _ANYTHING,
@@ -102,8 +98,7 @@ def with_shown_moving_parts(
     One is taken where no single error that can be estimated explains half as much.
 
     Args:
-        initial: with the parts as the dataset has them.
-        measurements: at least those of the problem's detections.
+        start: what the problem was built from, with the parts as the dataset has them.
         solution: without them.
         setup: which solver.
         limit: metres and radians; a part that is farther off is left where the dataset has it.
@@ -112,19 +107,19 @@ def with_shown_moving_parts(
         solver, summary, loss = solution.solver, solution.summary, setup.options.loss
         if summary.status != CONVERGED or setup.options.weights != SIGMA:
             break
-        dataset = solved_dataset(initial, solver.problem, summary.x, {})
+        dataset = solved_dataset(start.initial, solver.problem, summary.x, {})
         found = moving_edges(dataset, solver, summary.x, summary.sigmas, loss)
         if not found:
             break
         best = found[0]
-        checks = checked(initial, solver, summary, setup.options).checks(summary, loss)
+        checks = checked(start.initial, solver, summary, setup.options).checks(summary, loss)
         if best.gain < 2.0 * max((c.gain for c in checks if c.error.option), default=0.0):
             break
         if best.sigma_m > limit[0] or best.sigma_rad > limit[1]:
             break
         first = max(best.sigma_m, _FIRST[0]), max(best.sigma_rad, _FIRST[1])
         edge = Edge(best.last_parent, best.child)
-        more = with_moving_parts(initial, measurements, solution, {edge: None}, setup, first)
+        more = with_moving_parts(start, solution, {edge: None}, setup, first)
         if more.solver is solver or more.summary.status != CONVERGED:
             break
         part = more.free.moving[edge]
@@ -135,21 +130,19 @@ def with_shown_moving_parts(
 
 
 def with_usual_moving_parts(
-    initial: Dataset,
-    measurements: Sequence[Measurement],
+    start: InitialProblem,
     solution: MovingSolution,
     setup: SolverSetup,
 ) -> MovingSolution:
     """Return the solution with moving parts that are shown to be off as good arms are; said so."""
     before = solution.free.moving
-    found = with_shown_moving_parts(initial, measurements, solution, setup, USUAL)
+    found = with_shown_moving_parts(start, solution, setup, USUAL)
     taken = tuple(_taken(edge) for edge in found.free.moving if edge not in before)
     return replace(found, remarks=(*found.remarks, *taken))
 
 
 def settled_again(
-    initial: Dataset,
-    measurements: Sequence[Measurement],
+    start: InitialProblem,
     solution: MovingSolution,
     setup: SolverSetup,
 ) -> MovingSolution:
@@ -157,13 +150,12 @@ def settled_again(
     if not any(part.is_estimated for part in solution.free.moving.values()):
         return solution
     moving = dict(solution.free.moving)
-    found = _settled(initial, measurements, solution, moving, setup)
+    found = _settled(start, solution, moving, setup)
     return replace(found, remarks=solution.remarks)
 
 
 def _settled(
-    initial: Dataset,
-    measurements: Sequence[Measurement],
+    start: InitialProblem,
     solution: MovingSolution,
     moving: Dict[Edge, MovingPart],
     setup: SolverSetup,
@@ -173,7 +165,7 @@ def _settled(
     for _ in range(_ROUNDS):
         free = replace(solution.free, moving=dict(moving))
         before = solver.problem
-        solver = setup.make(rebuilt(initial, measurements, before, summary.x, free))
+        solver = setup.make(rebuilt(start, before, summary.x, free))
         summary = solve_again(solver, setup.options, before, summary)
         estimated = {edge: part for edge, part in moving.items() if part.is_estimated}
         if not estimated or summary.status != CONVERGED:
@@ -186,24 +178,17 @@ def _settled(
     return MovingSolution(solver, summary, free)
 
 
-def rebuilt(
-    initial: Dataset,
-    measurements: Sequence[Measurement],
-    before: Problem,
-    x: np.ndarray,
-    free: FreeEdges,
-) -> Problem:
+def rebuilt(start: InitialProblem, before: Problem, x: np.ndarray, free: FreeEdges) -> Problem:
     """Return the problem of the same detections, from a solution on, with something else free.
 
     Args:
-        initial: what the problem before was built from.
-        measurements: at least those of its detections.
+        start: what the problem before was built from.
         before: the problem before.
         x: its solution.
         free: what is estimated now.
     """
-    base, used = solved_dataset(initial, before, x, {}), {*before.detections}
-    kept = [m for m in measurements if m.key in used]
+    base, used = solved_dataset(start.initial, before, x, {}), {*before.detections}
+    kept = [m for m in start.measurements if m.key in used]
     return build_problem(base, kept, boards_in(base, kept), free)
 
 

@@ -102,24 +102,24 @@ def refine(
         setup: which solver.
         earlier: a solution of nearly the same problem, if there is one.
     """
-    initial, measurements = rough.start.initial, rough.start.measurements
+    start, initial = rough.start, rough.start.initial
     solved = partial(_solved, rough, options=options, setup=setup, earlier=earlier)
     first = _with_room_for_cameras(solved, free, setup)
-    arms = with_moving_parts(initial, measurements, first, moving, setup)
+    arms = with_moving_parts(start, first, moving, setup)
     summary, unsettled = settled(arms.solver, arms.summary, setup)
     arms = replace(arms, summary=summary)
     is_auto = options.model_errors == AUTO
     if is_auto:  # first, since what contradicts the others may do so for that reason
-        arms = with_shown_joints(initial, measurements, arms, setup)
-        arms = with_shown_moving_parts(initial, measurements, arms, setup)
+        arms = with_shown_joints(start, arms, setup)
+        arms = with_shown_moving_parts(start, arms, setup)
         summary, setup = with_shown_errors(initial, arms.solver, arms.summary, setup)
     elif options.model_errors == SUGGEST and not options.moving_edge_sigma:
-        arms = with_usual_moving_parts(initial, measurements, arms, setup)
+        arms = with_usual_moving_parts(start, arms, setup)
         summary = arms.summary
     rejection = reject_bad_detections(rough.start, arms.solver, summary, arms.free, options, setup)
     arms = replace(arms, solver=rejection.solver, summary=rejection.summary)
     if rejected := rejection.rejected:
-        arms = settled_again(initial, measurements, arms, setup)
+        arms = settled_again(start, arms, setup)
     solver, summary, free = arms.solver, arms.summary, arms.free
     if is_auto:
         summary, setup = with_shown_errors(initial, solver, summary, setup)

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Sequence
 
 from atom_core.calibration.refine.model_errors import checked
 from atom_core.calibration.refine.moving_parts import MovingSolution, rebuilt
-from atom_core.model.dataset import Dataset
+from atom_core.calibration.start.starts import InitialProblem
 from atom_core.model.joints import POSITION_BIAS
-from atom_core.problem.measurements import Measurement
 from atom_core.problem.model_errors import JointOffset
 from atom_core.solvers.base import CONVERGED, SIGMA, SolverSetup
 from atom_core.solvers.reweighting import solve_again
@@ -18,8 +16,7 @@ _MOST = 7
 
 
 def with_shown_joints(
-    initial: Dataset,
-    measurements: Sequence[Measurement],
+    start: InitialProblem,
     solution: MovingSolution,
     setup: SolverSetup,
 ) -> MovingSolution:
@@ -28,8 +25,7 @@ def with_shown_joints(
     What cannot be told from another error is left alone.
 
     Args:
-        initial: with the sensors' intrinsics and the joints as given.
-        measurements: at least those of the problem's detections.
+        start: what the problem was built from, with intrinsics and joints as given.
         solution: without them.
         setup: which solver.
     """
@@ -37,16 +33,16 @@ def with_shown_joints(
         solver, summary, loss = solution.solver, solution.summary, setup.options.loss
         if summary.status != CONVERGED or setup.options.weights != SIGMA:
             break
-        if not initial.joints:
+        if not start.initial.joints:
             break
-        checks = checked(initial, solver, summary, setup.options).checks(summary, loss)
+        checks = checked(start.initial, solver, summary, setup.options).checks(summary, loss)
         shown = [check for check in checks if not check.rivals]
         if not shown or not isinstance(shown[0].error, JointOffset):
             break
         name, before = shown[0].error.target, solver.problem
         joints = {**solution.free.joints, name: (POSITION_BIAS,)}
         free = replace(solution.free, joints=joints)
-        solver = setup.make(rebuilt(initial, measurements, before, summary.x, free))
+        solver = setup.make(rebuilt(start, before, summary.x, free))
         summary = solve_again(solver, setup.options, before, summary)
         if summary.status != CONVERGED:
             break
