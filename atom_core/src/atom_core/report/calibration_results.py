@@ -42,10 +42,10 @@ from atom_core.report.edge_results import (
     selected_edges,
 )
 from atom_core.report.verdict import names_in_words
+from atom_core.solvers.covariance import LARGEST_SIGMA
 from atom_core.solvers.stops import stops_of
 
-# What is not seen at all gets these instead of infinity, which JSON does not have.
-_LARGEST_SIGMA, _LARGEST_SIGMA_M = 1e12, 1e6
+_LARGEST_IN_UNIT = 1e12  # as `LARGEST_SIGMA`, of model errors and intrinsics, in their units
 
 Residuals = Mapping[str, ResidualStatistics]  # by kind
 
@@ -269,7 +269,7 @@ def _intrinsics(calibration: Calibration, sensor: str) -> Tuple[ParameterResult,
         sigma, combined = (block.sigmas(v, now) for v in block_variances(calibration, i))
         for place, name in block.free_components:
             value, initial = values[name]
-            sigmas = min(sigma[name], _LARGEST_SIGMA), min(combined[name], _LARGEST_SIGMA)
+            sigmas = min(sigma[name], _LARGEST_IN_UNIT), min(combined[name], _LARGEST_IN_UNIT)
             change = float(value - initial)
             found.append(ParameterResult(name, float(value), change, *sigmas, block.units[place]))
     return tuple(found)
@@ -287,7 +287,7 @@ def _range_offset(calibration: Calibration, sensor: str) -> Optional[RangeOffset
     if error not in values:
         return None
     sigma = calibration.covariance.error_sigmas.get(error, 0.0)
-    return RangeOffsetResult(values[error], min(sigma, _LARGEST_SIGMA_M))
+    return RangeOffsetResult(values[error], min(sigma, LARGEST_SIGMA))
 
 
 def _model_errors(calibration: Calibration) -> Tuple[ModelErrorResult, ...]:
@@ -309,7 +309,7 @@ def _prior_sigma(priors: ErrorPriors, error: ModelError) -> Optional[float]:
 def _model_error(
     error: ModelError, value: float, sigma: float, estimated: bool, prior_sigma: Optional[float]
 ) -> ModelErrorResult:
-    sigma = min(sigma, _LARGEST_SIGMA)
+    sigma = min(sigma, _LARGEST_IN_UNIT)
     return ModelErrorResult(
         name=error.name,
         target=error.target,

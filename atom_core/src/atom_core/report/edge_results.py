@@ -12,9 +12,7 @@ from atom_core.evaluation.edge_spread import edge_spread, spread_collection, usu
 from atom_core.model.transforms import Edge
 from atom_core.problem.blocks import BLOCK_SIZE, ROTATION, TRANSLATION
 from atom_core.problem.priors import Prior
-from atom_core.solvers.covariance import Covariance
-
-_LARGEST_VARIANCE = 1e12  # of what is not seen at all: JSON has no infinity
+from atom_core.solvers.covariance import LARGEST_VARIANCE, Covariance
 
 
 @dataclass(frozen=True)
@@ -104,7 +102,7 @@ def edge_result(calibration: Calibration, edge: Edge) -> EdgeResult:
         spread = edge_spread(calibration, edge, covariance)
         if spread is None:
             return np.zeros(BLOCK_SIZE)
-        return np.sqrt(np.minimum(np.diagonal(spread), _LARGEST_VARIANCE))
+        return np.sqrt(np.minimum(np.diagonal(spread), LARGEST_VARIANCE))
 
     spread = edge_spread(calibration, edge)
 
@@ -118,7 +116,7 @@ def edge_result(calibration: Calibration, edge: Edge) -> EdgeResult:
         sigma(calibration.covariance.combined),
         calibration.free.priors.get(edge),
         _is_held(calibration, edge),
-        None if spread is None else np.clip(spread, -_LARGEST_VARIANCE, _LARGEST_VARIANCE),
+        None if spread is None else np.clip(spread, -LARGEST_VARIANCE, LARGEST_VARIANCE),
         spread_collection(calibration, edge),
         usual_sigma(calibration, edge),
     )
@@ -138,7 +136,7 @@ def joint_results(calibration: Calibration) -> Dict[str, Tuple[ParameterResult, 
     """Return the estimated parameters by joint."""
     found: Dict[str, Tuple[ParameterResult, ...]] = {}
     for i, block in calibration.problem.parameters.joint_blocks():
-        sigma, combined = np.sqrt(np.minimum(block_variances(calibration, i), _LARGEST_VARIANCE))
+        sigma, combined = np.sqrt(np.minimum(block_variances(calibration, i), LARGEST_VARIANCE))
         now, before = (d.joint(block.joint) for d in (calibration.dataset, calibration.initial))
         found[block.joint] = found.get(block.joint, ()) + tuple(
             ParameterResult(

@@ -13,6 +13,9 @@ from atom_core.problem.problem import Problem
 from atom_core.solvers.normal_equations import NormalEquations
 from atom_core.solvers.scalars import JointScalars
 
+# Results have this of what is not seen at all: JSON has no infinity.
+LARGEST_SIGMA = 1e6
+LARGEST_VARIANCE = LARGEST_SIGMA**2
 _SMALLEST = 1e-13  # relative eigenvalue below which a direction counts as not seen at all
 
 

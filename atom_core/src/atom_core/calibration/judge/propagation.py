@@ -17,10 +17,9 @@ from atom_core.model.dataset import Dataset
 from atom_core.model.sensor import Sensor
 from atom_core.problem.builder import pose_chains
 from atom_core.problem.parameters import Parameters
-from atom_core.solvers.covariance import Covariance
+from atom_core.solvers.covariance import LARGEST_VARIANCE, Covariance
 
 DISTANCES_M = (1.0, 2.0, 4.0)
-_LARGEST_VARIANCE = 1e12  # of what is not seen at all; JSON has no infinity
 
 
 class PropagatedPoint(NamedTuple):
@@ -138,4 +137,4 @@ def _carried(
 
 
 def _root_trace(covariance: np.ndarray) -> float:
-    return float(np.sqrt(min(max(np.trace(covariance), 0.0), _LARGEST_VARIANCE)))
+    return float(np.sqrt(min(max(np.trace(covariance), 0.0), LARGEST_VARIANCE)))

@@ -28,11 +28,10 @@ from atom_core.problem.camera_blocks import CameraBlock
 from atom_core.problem.joint_blocks import JointBiasBlock, JointBlock
 from atom_core.problem.parameters import Component, Parameters
 from atom_core.problem.problem import Problem
-from atom_core.solvers.covariance import Covariance
+from atom_core.solvers.covariance import LARGEST_SIGMA, Covariance
 
 _NAMED_SHARE = 0.5  # parameters are named when they move at least this part of the largest
 _MOST_REPORTED, _MOST_NAMED = 12, 4  # directions; collections in which one is open
-_LARGEST_SIGMA = 1e6  # what is not seen at all is reported with this (JSON has no infinity)
 
 
 @dataclass(frozen=True)
@@ -69,7 +68,7 @@ def weak_model_errors(covariance: Covariance, limit: float) -> List[WeakDirectio
     return [
         WeakDirection(
             (error.title,),
-            min(sigma, _LARGEST_SIGMA),
+            min(sigma, LARGEST_SIGMA),
             error.unit,
             f"the data hardly tell the {error.title} from other poses; collect boards at other "
             f"distances and angles, or leave it out of {error.option}",
@@ -102,7 +101,7 @@ def _weak_shared(
         return []
     limits = np.where(np.concatenate([b.is_angle for b in blocks]), limit_rad, limit_m)
     scaled = parent_axes_covariance(parameters, x, covariance.shared) / limits[:, None] / limits
-    scaled = _capped(scaled, _LARGEST_SIGMA / limits)
+    scaled = _capped(scaled, LARGEST_SIGMA / limits)
     values, vectors = np.linalg.eigh((scaled + scaled.T) / 2.0)
     left = np.diagonal(scaled).copy()
     spreads: List[np.ndarray] = []
@@ -151,7 +150,7 @@ def _open_spread(
     pose, at = parameters.blocks[block], parameters.slice_of(block)
     assert isinstance(pose, PoseBlock)
     scaled = edge_covariance(pose, solution.x[at], covariance.block(block))
-    scaled = _capped(scaled / limits[at, None] / limits[at], _LARGEST_SIGMA / limits[at])
+    scaled = _capped(scaled / limits[at, None] / limits[at], LARGEST_SIGMA / limits[at])
     if np.max(np.diagonal(scaled)) <= 1.0:
         return None
     values, vectors = np.linalg.eigh((scaled + scaled.T) / 2.0)
@@ -273,9 +272,9 @@ def _describe(
     largest = int(np.argmax(np.abs(spread)))
     strongest = parameters.component(largest)
     block, unit = parameters.blocks[strongest.block], strongest.unit
-    sigma = min(float(abs(spread[largest]) * limits[largest]), _LARGEST_SIGMA)
+    sigma = min(float(abs(spread[largest]) * limits[largest]), LARGEST_SIGMA)
     if isinstance(block, CameraBlock):
-        sigma = min(sigma * float(block.scales[strongest.place]), _LARGEST_SIGMA)
+        sigma = min(sigma * float(block.scales[strongest.place]), LARGEST_SIGMA)
         why = f"the data hardly change when {', '.join(names)} change{'' if names[1:] else 's'}"
         because = intrinsics_reason(solution, strongest.block)
         return WeakDirection(names, sigma, unit, f"{why}: {because}" if because else why)
