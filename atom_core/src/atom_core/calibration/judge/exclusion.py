@@ -14,6 +14,7 @@ from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
 import numpy as np
 from scipy.special import ndtr
 
+from atom_core.calibration.judge.misfit import BOARD, INTRINSICS, POINTS
 from atom_core.calibration.refine.rejection import GARBAGE, Rejected
 from atom_core.model.dataset import Dataset
 from atom_core.problem.measurements import Measurement
@@ -31,7 +32,6 @@ _SORTS = {  # what the larger and the smaller values are
     DISTANCE: ("farther away", "nearer", "m"),
     WHEN: ("collected later", "collected earlier", ""),
 }
-_BOARD = "the board's squares, layout and border"
 _MOVED = "whether it was moved meanwhile (-csf calibrates the collections of one side alone)"
 _LABELS = "whether its labels and data belong to these collections and boards"
 
@@ -124,19 +124,19 @@ def _likely(
 ) -> Tuple[str, ...]:
     """Return where to look, the likeliest first."""
     is_range = dataset.sensors[sensor].kind.measures_range
-    own = "the unit and axes of its points" if is_range else "its intrinsics"
+    own = POINTS if is_range else INTRINSICS
     if 2 * sum(r.reason == GARBAGE for r in out) > len(out):
-        return ("the labels themselves, which fit no board", _BOARD, own)
+        return ("the labels themselves, which fit no board", BOARD, own)
     if shared is None:
-        return (_LABELS, own, _BOARD)
+        return (_LABELS, own, BOARD)
     if shared.feature == WHEN:
         return (_MOVED, _LABELS, own)
     if shared.feature == TILT:
-        return (_BOARD, own, _LABELS)
+        return (BOARD, own, _LABELS)
     if shared.feature == DISTANCE:
         reach = "the offset and the unit of its distances" if is_range else "its focal length"
-        return (reach, _BOARD, _LABELS)
-    return (own, _BOARD, _LABELS)
+        return (reach, BOARD, _LABELS)
+    return (own, BOARD, _LABELS)
 
 
 # ------------------------------------------------------------------------------- what they share

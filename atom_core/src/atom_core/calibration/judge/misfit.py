@@ -27,23 +27,25 @@ _UNITS = {
     ORTHOGONAL: ("points on the board", 1e3, "mm"),
     BORDER: ("border points", 1e3, "mm"),
 }
-_BOARD = "the board's squares, layout and border"
+# Where to look.
+BOARD, INTRINSICS = "the board's squares, layout and border", "its intrinsics"
+POINTS = "the unit and axes of its points"
 _LIKELY = {
-    REPROJECTION: ("its intrinsics", _BOARD),
-    ORTHOGONAL: ("the unit and axes of its points", _BOARD),
-    BORDER: (_BOARD, "the unit and axes of its points"),
+    REPROJECTION: (INTRINSICS, BOARD),
+    ORTHOGONAL: (POINTS, BOARD),
+    BORDER: (BOARD, POINTS),
 }
 # So far off, what the sensor itself says of the board comes first.
 _GROSS = {REPROJECTION: 50.0, ORTHOGONAL: 0.03, BORDER: 0.03}
-_POINTS = "its points (unit, axes, whether labels and data belong to these collections)"
+_ALL_OF_POINTS = "its points (unit, axes, whether labels and data belong to these collections)"
 _GROSS_LIKELY = {
     REPROJECTION: (
         "its labels (whether they belong to these collections, how corners are numbered, and "
         "whether its images are mirrored)",
-        "its intrinsics",
+        INTRINSICS,
     ),
-    ORTHOGONAL: (_POINTS, _BOARD),
-    BORDER: (_POINTS, _BOARD),
+    ORTHOGONAL: (_ALL_OF_POINTS, BOARD),
+    BORDER: (_ALL_OF_POINTS, BOARD),
 }
 _MOVING = "the poses of links that move"
 _STILL = 1e-6  # by which a number of a chain may differ where nothing moves

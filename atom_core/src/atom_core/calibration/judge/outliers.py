@@ -77,20 +77,8 @@ def find_outliers(problem: Problem, x: np.ndarray, sigmas: Sequence[np.ndarray])
     order = np.argsort(-size, kind="stable")[:MOST_LISTED]
     largest = []
     for i in order:
-        block = problem.residual_blocks[owner[i]]
-        key, unit = problem.detections[block.detection[item[i]]], UNITS[block.kind]
-        number = int(block.ids[item[i]])
-        length, sigmas_off = float(norm[i]), float(size[i])
-        largest.append(
-            Outlier(
-                key.collection,
-                key.sensor,
-                key.pattern,
-                block.kind,
-                number,
-                length,
-                unit,
-                sigmas_off,
-            )
-        )
+        block, own = problem.residual_blocks[owner[i]], item[i]
+        key, which = problem.detections[block.detection[own]], int(block.ids[own])
+        figures = float(norm[i]), UNITS[block.kind], float(size[i])
+        largest.append(Outlier(*key, block.kind, which, *figures))
     return Outliers(counts, tuple(largest))
