@@ -148,11 +148,12 @@ def joint_biases(args: argparse.Namespace) -> List[JointBias]:
 
 def _remarks_on_yaw(dataset: Dataset) -> List[str]:
     """Return remarks on joints of the configuration whose yaw has another axis than in ATOM."""
-    known = {name for collection in dataset.collections.values() for name in collection.joints}
     inclined = [
         name
         for name, joint in dataset.config.joints.items()
-        if _YAW in joint.params_to_calibrate and name in known and is_inclined(dataset, name)
+        if _YAW in joint.params_to_calibrate
+        and name in dataset.joints
+        and is_inclined(dataset, name)
     ]
     if not inclined:
         return []
