@@ -226,6 +226,10 @@ def test_between_collections_in_atom_s_columns(evaluated, tmp_path, capsys):
     assert header[0] == "Collection #" and header[-2:] == ["Trans (mm)", "Rot (deg)"]
     assert len(rows) == 6 * 5 // 2 + 1
     assert float(rows[-1][4]) == pytest.approx(wanted["translation_mm"], abs=6e-5)
+    assert "warning" not in capsys.readouterr().out
+    assert run(*line[:-1], "flange") == 0
+    told = capsys.readouterr().out
+    assert "is fixed in 'world', which moves against 'flange' (-wf) by up to" in told
     assert run(*line[:-1], "nowhere") == 2
     assert "frame 'nowhere' is in no transform" in capsys.readouterr().err
 

@@ -11,7 +11,7 @@ from atom_core.commands import common
 from atom_core.commands.annotated_borders import annotated_borders
 from atom_core.commands.atom_options import AtomOption, add_meaningless_options
 from atom_core.errors import DatasetError, OutputError
-from atom_core.evaluation.between_collections import between_collections
+from atom_core.evaluation.between_collections import between_collections, moves_of_frame
 from atom_core.evaluation.evaluate import evaluate
 from atom_core.evaluation.mixed import mixed_dataset
 from atom_core.evaluation.observed import Borders, Observed
@@ -215,6 +215,8 @@ def _measured_between(tool: Evaluator, args: argparse.Namespace) -> PairResult:
     result = between_collections(pair, observed, mixed, frame=args.fixed_frame, own=own)
     if result.measured is None:
         raise DatasetError(f"{args.test_json}: {named} cannot be measured: {result.skipped}")
+    for sentence in moves_of_frame(mixed, args.fixed_frame) if args.fixed_frame else ():
+        print(f"warning: {sentence}")
     return result
 
 

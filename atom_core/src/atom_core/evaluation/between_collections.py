@@ -25,8 +25,9 @@ from atom_core.model.dataset import Dataset, pose
 from atom_core.model.labels import DetectionKey
 from atom_core.model.modality import modality_named
 from atom_core.model.sensor import RGB
-from atom_core.model.transforms import Edge
+from atom_core.model.transforms import Edge, chain_transform
 
+_STILL_M, _STILL_RAD = 1e-3, 1e-3  # what a frame may move that is said to stay
 MOST_PAIRS = 3000  # of collections: more are thinned out evenly, which no mean notices
 _NOTHING_MOVES = (
     "neither '{sensor}' nor the board moves between the collections: any calibration gives the same"
@@ -118,6 +119,34 @@ def between_collections(
         unseen=sum(e.unseen for e in seen.values()),
         turned_rad=turn_beyond_noise(observed, seen) if pair.source == pair.target else None,
     )
+
+
+def moves_of_frame(dataset: Dataset, frame: str) -> List[str]:
+    """Return a sentence on each fixed board that cannot stay in a frame, since its parent does not.
+
+    Args:
+        dataset: with a fixed board at least.
+        frame: in which the boards are to stay; it is one of the dataset's.
+    """
+    sentences = []
+    for pattern in dataset.patterns.values():
+        if not pattern.fixed or pattern.parent_frame not in dataset.graph:
+            continue
+        chain = dataset.graph.chain(frame, pattern.parent_frame)
+        placed = [c.transforms for c in dataset.collections.values()]
+        whole = [edges for edges in placed if all(edge in edges for edge, _ in chain)]
+        if not whole:
+            continue
+        poses = np.array([chain_transform(chain, edges) for edges in whole])
+        shifts_m, turns_rad = se3.pose_differences(poses[0], poses)
+        if np.max(shifts_m) > _STILL_M or np.max(turns_rad) > _STILL_RAD:
+            sentences.append(
+                f"pattern '{pattern.name}' is fixed in '{pattern.parent_frame}', which moves "
+                f"against '{frame}' (-wf) by up to {1e3 * np.max(shifts_m):.3g} mm and "
+                f"{np.rad2deg(np.max(turns_rad)):.2g} deg between the collections: the figures "
+                f"have that motion in them; leave -wf out, unless that is asked"
+            )
+    return sentences
 
 
 def _apart(
