@@ -52,7 +52,8 @@ def process_of(name: str) -> Optional[int]:
     """Return the process of a node that runs; None: there is none, or it does not answer."""
     try:
         uri = rosgraph.Master(name).lookupNode(name)
-        code, _, process = ServerProxy(uri, transport=_Impatient()).getPid(name)  # type: ignore
+        other: Any = ServerProxy(uri, transport=_Impatient())
+        code, _, process = other.getPid(name)
         return int(process) if code == 1 else None
     except Exception:  # noqa: BLE001 - sockets and XML-RPC fail in many ways, all mean this
         return None
