@@ -47,7 +47,7 @@ class PointExpectation:
             pose = frame.board_pose(pattern)
             if pose is None:
                 continue
-            centre = se3.apply(pose, np.append(pattern.border.centre, 0.0)[None])
+            centre = se3.apply(pose, pattern.border.centre_in_pattern[None])
             for name in self._open & set(self._outlooks):
                 sensor = self._setup.sensors[name]
                 try:

@@ -299,7 +299,7 @@ def _is_known(places: Iterable[Place], raw: Guess, found: SurfaceSighting) -> bo
 
 
 def _middle(frame_T_pattern: np.ndarray, pattern: Pattern) -> np.ndarray:
-    return se3.apply(frame_T_pattern, np.append(pattern.border.centre, 0.0)[None])[0]
+    return se3.apply(frame_T_pattern, pattern.border.centre_in_pattern[None])[0]
 
 
 def _speed(before: Optional[_Seen], stamp_s: float, pose: np.ndarray, pattern: Pattern) -> float:

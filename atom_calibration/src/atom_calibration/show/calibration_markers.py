@@ -48,7 +48,7 @@ def boards(estimate: Estimate, shown: Sequence[str], colours: Dict[str, Colour])
             continue
         pattern, colour = estimate.dataset.patterns[name], colours[key]
         listed += markers.board(pattern, colour, world_T_pattern, world, f"c{key}")
-        middle = se3.apply(world_T_pattern, np.array([[*pattern.border.centre, 0.0]]))[0]
+        middle = se3.apply(world_T_pattern, pattern.border.centre_in_pattern[None])[0]
         title = markers.text(world, key, _TEXT_M, colour)
         above = middle + [0.0, 0.0, _TEXT_M + np.linalg.norm(pattern.border.half_size)]
         title.pose.position = point_message(above)

@@ -43,6 +43,16 @@ class Rectangle:
             ]
         )
 
+    @property
+    def centre_in_pattern(self) -> np.ndarray:
+        """(3,) the centre in the pattern's frame [m]."""
+        return np.append(self.centre, 0.0)
+
+    @property
+    def corners_in_pattern(self) -> np.ndarray:
+        """(4, 3) the corners in the pattern's frame [m], in the same order."""
+        return np.column_stack([self.corners, np.zeros(4)])
+
     def signed_distance(self, points: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
         """Return distances to the border, negative inside, and their gradients.
 

@@ -337,5 +337,5 @@ def _exposure(grey: np.ndarray, pixels: np.ndarray) -> Dict[str, float]:
 
 def _middle(sensor_T_pattern: np.ndarray, pattern: Pattern) -> Tuple[np.ndarray, np.ndarray]:
     """Return the middle of the board and its normal in the sensor's frame."""
-    centre = se3.apply(sensor_T_pattern, np.append(pattern.border.centre, 0.0)[None])[0]
+    centre = se3.apply(sensor_T_pattern, pattern.border.centre_in_pattern[None])[0]
     return centre, sensor_T_pattern[:3, 2]

@@ -159,7 +159,7 @@ def facing(sensor_T_pattern: np.ndarray, border: Rectangle) -> float:
     The print is seen from -z of the pattern: x right, y down, z into the board, as OpenCV lays
     its boards out. Negative: the sensor is behind the board.
     """
-    to_sensor = se3.inverse(sensor_T_pattern)[:3, 3] - np.append(border.centre, 0.0)
+    to_sensor = se3.inverse(sensor_T_pattern)[:3, 3] - border.centre_in_pattern
     return float(-to_sensor[2] / np.linalg.norm(to_sensor))
 
 
@@ -185,13 +185,13 @@ def held_before(
     x /= np.linalg.norm(x)
     upright = np.column_stack([x, np.cross(z, x), z])
     world_R_pattern = upright @ se3.rotation_from_rpy(np.array([0, 0, rng.uniform(-np.pi, np.pi)]))
-    middle = np.append(border.centre, 0.0)
+    middle = border.centre_in_pattern
     return se3.transform(world_R_pattern, centre - world_R_pattern @ middle)
 
 
 def centre_in_sensor(sensor_T_pattern: np.ndarray, border: Rectangle) -> np.ndarray:
     """Return the board's middle (3,) in the sensor's frame [m]."""
-    return se3.apply(sensor_T_pattern, np.append(border.centre, 0.0)[None])[0]
+    return se3.apply(sensor_T_pattern, border.centre_in_pattern[None])[0]
 
 
 def border_points(pattern: Pattern, step_m: float = 0.05) -> np.ndarray:

@@ -123,7 +123,7 @@ def _drawn_pose(
     reach = 0.3 * distance_m * np.array([camera.width, camera.height]) / camera.focal_px[0]
     room = np.maximum(reach - np.linalg.norm(pattern.border.half_size), 0.0)
     middle = np.array([*(rng.uniform(-1.0, 1.0, 2) * room), distance_m])
-    pose[:3, 3] = middle - pose[:3, :3] @ np.append(pattern.border.centre, 0.0)
+    pose[:3, 3] = middle - pose[:3, :3] @ pattern.border.centre_in_pattern
     return pose
 
 

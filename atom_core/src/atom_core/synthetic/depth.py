@@ -203,7 +203,7 @@ def outlook(_: Rig, sensor: Sensor, camera_T_pattern: np.ndarray, pattern: Patte
 
 def _rows(camera: Camera, camera_T_pattern: np.ndarray, pattern: Pattern) -> float:
     """Return about how many rows a board gives: pixels of the grid inside, and of the border."""
-    corners = np.column_stack([pattern.border.corners, np.zeros(4)])
+    corners = pattern.border.corners_in_pattern
     pixels = camera.project(se3.apply(camera_T_pattern, corners))
     clipped = np.clip(pixels, 0.0, [camera.width, camera.height])
     (x, y), (next_x, next_y) = clipped.T, np.roll(clipped, -1, axis=0).T

@@ -108,7 +108,7 @@ def _window(
     camera: Camera, camera_T_pattern: np.ndarray, border: Rectangle
 ) -> Tuple[int, int, int, int]:
     """Return left, top, right and bottom of the pixels around a board; empty where it is not."""
-    corners = np.column_stack([border.corners, np.zeros(4)])
+    corners = border.corners_in_pattern
     in_camera = se3.apply(camera_T_pattern, corners)
     if np.max(in_camera[:, 2]) < 0.05:
         return 0, 0, 0, 0

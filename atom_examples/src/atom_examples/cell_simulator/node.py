@@ -189,7 +189,7 @@ class BoardMarker:
         """
         self._moved = moved
         pattern = world.scene.board.pattern
-        middle = np.append(pattern.border.centre, 0.0)
+        middle = pattern.border.centre_in_pattern
         self._pattern_T_marker = se3.transform(np.eye(3), middle)
         self._server = InteractiveMarkerServer(f"{NODE}/board_marker")
         marker = InteractiveMarker(name=MARKER, description="board", scale=0.7)
@@ -252,11 +252,11 @@ def _start_pose(world: World) -> np.ndarray:
     x = np.cross(away, [0.0, 0.0, 1.0])
     x /= np.linalg.norm(x)
     rotation = np.column_stack([x, np.cross(away, x), away])
-    middle = np.append(world.scene.board.pattern.border.centre, 0.0)
+    middle = world.scene.board.pattern.border.centre_in_pattern
     return se3.transform(rotation, _FRONT_M - rotation @ middle)
 
 
 def _person_beside(world: World, world_T_pattern: np.ndarray) -> Person:
-    middle = np.append(world.scene.board.pattern.border.centre, 0.0)
+    middle = world.scene.board.pattern.border.centre_in_pattern
     x, y = se3.apply(world_T_pattern, middle[None])[0, :2] + _PERSON_M
     return Person(float(x), float(y), 0.4)

@@ -111,7 +111,7 @@ class _FreePoses:
 
     def _place_person(self, world_T_pattern: np.ndarray, lines: List[Sight]) -> Optional[Person]:
         """Return where a person hides nothing of what is open without one; None: nowhere."""
-        middle = se3.apply(world_T_pattern, np.array([[*self.pattern.border.centre, 0.0]]))[0]
+        middle = se3.apply(world_T_pattern, self.pattern.border.centre_in_pattern[None])[0]
         for person in self._places(middle):
             if self._may_stand(person):
                 self.scene.place_person(person)

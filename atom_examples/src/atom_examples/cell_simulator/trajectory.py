@@ -48,7 +48,7 @@ class Trajectory:
             pattern: the board.
         """
         self._stops = stops
-        self._middle = np.append(pattern.border.centre, 0.0)
+        self._middle = pattern.border.centre_in_pattern
         self._stop_ticks = max(int(round(stop_s / TICK_S)), 1)
         poses = [stop.world_T_pattern for stop in stops]
         moves = [_ticks(way(a, b, pattern)) for a, b in zip(poses, poses[1:])]
@@ -79,7 +79,7 @@ class Trajectory:
 
 def way(a: np.ndarray, b: np.ndarray, pattern: Pattern) -> float:
     """Return how far [m] any point of the board moves at most between two poses."""
-    middle = np.append(pattern.border.centre, 0.0)[None]
+    middle = pattern.border.centre_in_pattern[None]
     step = np.linalg.norm(se3.apply(b, middle) - se3.apply(a, middle))
     angle = se3.rotation_angle(a[:3, :3].T @ b[:3, :3])
     return float(step + angle * np.linalg.norm(pattern.border.half_size))

@@ -69,7 +69,7 @@ class RobotMotion:
         moving = self._starts[number + 1] - self._starts[number] - self._stop_ticks + 1
         share = _smooth((since - self._stop_ticks + 1) / moving)
         for name, pattern in self._carried.items():
-            middle = np.append(pattern.border.centre, 0.0)
+            middle = pattern.border.centre_in_pattern
             boards[name] = between(here.boards[name], there.boards[name], middle, share)
         positions = {
             name: position + share * (there.positions[name] - position)
@@ -88,7 +88,7 @@ class RobotMotion:
 
 
 def _way_m(a: np.ndarray, b: np.ndarray, pattern: Pattern) -> float:
-    middle = np.append(pattern.border.centre, 0.0)[None]
+    middle = pattern.border.centre_in_pattern[None]
     angle = se3.rotation_angle(a[:3, :3].T @ b[:3, :3])
     step = float(np.linalg.norm(se3.apply(b, middle) - se3.apply(a, middle)))
     return step + float(angle * np.linalg.norm(pattern.border.half_size))

@@ -46,7 +46,7 @@ def check_fixed_boards(dataset: Dataset, measurements: Sequence[Measurement]) ->
 def _apart_m(dataset: Dataset, detections: Sequence[Measurement]) -> float:
     """Return the largest distance [m] between the places of a board; 0 where they are one."""
     border = dataset.patterns[detections[0].key.pattern].border
-    centre = np.append(border.centre, 0.0)[None]
+    centre = border.centre_in_pattern[None]
     middles, limits = [], []
     for m in detections:
         candidates = m.likely_candidates()

@@ -33,7 +33,7 @@ def _order(dataset: Dataset, problem: Problem, x: np.ndarray, sensor: str) -> st
     places: Dict[int, List[np.ndarray]] = {}
     for key, pose in zip(problem.detections, poses):
         if key.sensor == sensor:
-            centre = [*dataset.patterns[key.pattern].border.centre, 0.0]
+            centre = dataset.patterns[key.pattern].border.centre_in_pattern
             place = pose[:3, :3] @ centre + pose[:3, 3]
             places.setdefault(number[key.collection], []).append(place)
     if len(places) < 2:

@@ -78,7 +78,7 @@ def read_sightings(dataset: Dataset, measurements: Sequence[Measurement]) -> Lis
     graph, sightings = dataset.graph, []
     for m in measurements:
         sensor, pattern = dataset.sensors[m.key.sensor], dataset.patterns[m.key.pattern]
-        outline = np.column_stack([pattern.border.corners, np.zeros(4)])
+        outline = pattern.border.corners_in_pattern
         poses = np.array(m.likely_candidates()).reshape(-1, 4, 4)
         chain = graph.chain(pattern.parent_frame, sensor.frame)
         board = pattern.board_key(m.key.collection)

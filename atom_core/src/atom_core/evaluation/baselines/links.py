@@ -251,8 +251,8 @@ def board_middle(dataset: Dataset, key: DetectionKey) -> Optional[np.ndarray]:
     found = board_by_range(dataset, key)
     if found is None:
         return None
-    centre = dataset.patterns[key.pattern].border.centre
-    return se3.apply(found, np.array([[*centre, 0.0]]))[0]
+    border = dataset.patterns[key.pattern].border
+    return se3.apply(found, border.centre_in_pattern[None])[0]
 
 
 def board_by_range(dataset: Dataset, key: DetectionKey) -> Optional[np.ndarray]:

@@ -117,7 +117,7 @@ def _by_points(
         thinned = points.inside[:: max(len(points.inside) // _POINTS, 1)]
         limit = points.limit[:: max(len(points.limit) // _POINTS, 1)]
         boards.append(_Board(se3.inverse(target_T_board), thinned, limit, border))
-        in_target = se3.apply(target_T_board, np.array([[*border.centre, 0.0]]))[0]
+        in_target = se3.apply(target_T_board, border.centre_in_pattern[None])[0]
         middles.append((middle, in_target))
     if len(boards) < FEWEST:
         words = " and ".join(_told_by(dataset, observed, keys) for keys in zip(*both))

@@ -167,7 +167,7 @@ def _outline(
     sensor: Sensor, sensor_T_pattern: np.ndarray, pattern: Pattern
 ) -> Optional[np.ndarray]:
     """Return the board's border in the image (4, 2) [px]; None where a corner is behind."""
-    flat = np.column_stack([pattern.border.corners, np.zeros(4)])
+    flat = pattern.border.corners_in_pattern
     corners = se3.apply(sensor_T_pattern, flat)
     if sensor.camera is None or np.any(corners[:, 2] <= 0.0):
         return None

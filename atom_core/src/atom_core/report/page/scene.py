@@ -128,7 +128,7 @@ def _boards(dataset: Dataset) -> List[Dict[str, Any]]:
                 continue
             frame = world_T_frame(dataset, key, pattern.frame)
             assert frame is not None, "its chain is whole"
-            flat = np.column_stack([pattern.border.corners, np.zeros(4)])
+            flat = pattern.border.corners_in_pattern
             corners = se3.apply(frame, flat)
             boards.append(
                 {

@@ -55,7 +55,7 @@ def sightings(dataset: Dataset) -> Dict[str, List[Sighting]]:
             sensor_T_pattern = pose(collection, graph, frame, pattern.frame)
         except DatasetError:  # a frame that no transform of this collection has
             continue
-        middle = se3.apply(sensor_T_pattern, np.array([[*pattern.border.centre, 0.0]]))[0]
+        middle = se3.apply(sensor_T_pattern, pattern.border.centre_in_pattern[None])[0]
         distance = float(np.linalg.norm(middle))
         cosine = abs(float(middle @ sensor_T_pattern[:3, 2])) / max(distance, 1e-9)
         tilt = float(np.degrees(np.arccos(min(cosine, 1.0))))
