@@ -84,7 +84,7 @@ def preflight(dataset: Dataset) -> Preflight:
     _collect(lambda: check_joints(dataset, free), problems)
     _collect(lambda: check_connected(present, measurements, free), problems)
     copied = copies(present, measurements)
-    warnings += remarks + _implausible(present, measurements) + _copied(copied)
+    warnings += remarks + _implausible(measurements) + _copied(copied)
     tying, _ = usable(present, measurements, CalibrationOptions())
     _collect(lambda: check_not_alone(present, tying, free), problems)
     warnings += holding(present, tying, free)[1]
@@ -199,7 +199,7 @@ def _copied(copied: Mapping[str, str]) -> List[str]:
     ]
 
 
-def _implausible(dataset: Dataset, measurements: Sequence[Measurement]) -> List[str]:
+def _implausible(measurements: Sequence[Measurement]) -> List[str]:
     remarks = []
     counts: Dict[str, int] = {}
     for m in measurements:

@@ -65,10 +65,11 @@ def fit_board(
     """
     angle = _direction(border)
     plane_R_board = _rotation(angle)
+    turned_border, turned_region = border @ plane_R_board, region @ plane_R_board
     best, lowest = None, np.inf
     for half in (half_size, half_size[::-1]):
-        for centre in _centres(border @ plane_R_board, region @ plane_R_board, half):
-            cost = _cost(border @ plane_R_board, region @ plane_R_board, centre, half, tolerance_m)
+        for centre in _centres(turned_region, half):
+            cost = _cost(turned_border, turned_region, centre, half, tolerance_m)
             if cost < lowest:
                 best, lowest = (centre, half), cost
     assert best is not None
@@ -92,7 +93,7 @@ def _rotation(angle: float) -> np.ndarray:
     return np.array([[c, -s], [s, c]])
 
 
-def _centres(border: np.ndarray, region: np.ndarray, half: np.ndarray) -> np.ndarray:
+def _centres(region: np.ndarray, half: np.ndarray) -> np.ndarray:
     """Return centres (k, 2) that put a side on an extreme of the points, in the board's axes."""
     low, high = np.quantile(region, [1 - _BEST_SHARE, _BEST_SHARE], axis=0)
     options = np.stack([low + half, high - half, (low + high) / 2.0])

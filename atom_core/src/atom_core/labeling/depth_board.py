@@ -113,7 +113,7 @@ def judge(view: DepthView, plane: Plane, region: Region) -> Labeled:
     chosen = border[spread(len(border), _BORDER_POINTS)]
     fit = fit_board(chosen, inner, view.half_size, tolerance_m)
     board = surface.on_board(fit)
-    quality.update(_comparison(surface, board, fit, tolerance_m))
+    quality.update(_comparison(board, fit, tolerance_m))
     reason = _reason(view, quality, fit, _share_beyond(surface, fit, tolerance_m))
     if reason and not _fits(quality, options) and surface.is_whole():
         reason = _size_reason(border, view, quality) or reason
@@ -149,9 +149,7 @@ def _cut_size_reason(measured: np.ndarray, size: np.ndarray, view: DepthView) ->
     return ""
 
 
-def _comparison(
-    surface: _Surface, board: _Surface, fit: BoardFit, tolerance_m: float
-) -> Dict[str, float]:
+def _comparison(board: _Surface, fit: BoardFit, tolerance_m: float) -> Dict[str, float]:
     """Return how well a region fits the board that was laid on it."""
     on = np.abs(fit.distance) <= 2.0 * tolerance_m
     rms = float(np.sqrt(np.mean(fit.distance[on] ** 2))) if on.any() else 1.0

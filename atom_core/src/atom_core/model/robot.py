@@ -16,6 +16,7 @@ PLANAR, FLOATING = "planar", "floating"
 JOINT_TYPES = (FIXED, REVOLUTE, CONTINUOUS, PRISMATIC, PLANAR, FLOATING)
 _TYPES_WITH_AXIS = (REVOLUTE, CONTINUOUS, PRISMATIC, PLANAR)
 _TYPES_WITH_ONE_POSITION = (FIXED, REVOLUTE, CONTINUOUS, PRISMATIC)
+_RIGID = 1e-6  # by so much entries of a rotation may be off
 
 
 @dataclass(frozen=True)
@@ -246,16 +247,16 @@ class RobotDescription:
             )
 
 
-def is_rigid(matrix: np.ndarray, tolerance: float = 1e-6) -> bool:
+def is_rigid(matrix: np.ndarray) -> bool:
     """Tell whether a matrix is (4, 4), finite, with a rotation and the last row 0 0 0 1."""
     matrix = np.asarray(matrix, dtype=float)
     if matrix.shape != (4, 4) or not np.all(np.isfinite(matrix)):
         return False
     rotation = matrix[:3, :3]
     return bool(
-        np.allclose(rotation.T @ rotation, np.eye(3), rtol=0.0, atol=tolerance)
+        np.allclose(rotation.T @ rotation, np.eye(3), rtol=0.0, atol=_RIGID)
         and np.linalg.det(rotation) > 0.0
-        and np.allclose(matrix[3], [0.0, 0.0, 0.0, 1.0], rtol=0.0, atol=tolerance)
+        and np.allclose(matrix[3], [0.0, 0.0, 0.0, 1.0], rtol=0.0, atol=_RIGID)
     )
 
 

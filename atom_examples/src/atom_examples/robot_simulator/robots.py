@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import List, NamedTuple, Optional
+from typing import List, NamedTuple
 
-from atom_core.io.paths import PackageResolver, package_folder
+from atom_core.io.paths import package_folder
 from atom_examples.cell_simulator.errors import SimulatorError
 
 PACKAGE = "atom_examples"
@@ -61,33 +61,32 @@ class Robot(NamedTuple):
         return self._replace(recording=recording)
 
 
-def robots_folder(resolve_package: Optional[PackageResolver] = None) -> Path:
+def robots_folder() -> Path:
     """Return the folder of all of them."""
-    return package_folder(PACKAGE, resolve_package) / "robots"
+    return package_folder(PACKAGE) / "robots"
 
 
-def robot_names(resolve_package: Optional[PackageResolver] = None) -> List[str]:
+def robot_names() -> List[str]:
     """Return the names of all robots that can be simulated."""
-    folder = robots_folder(resolve_package)
-    return sorted(path.parents[1].name for path in folder.glob("*/config/scenario.yaml"))
+    paths = robots_folder().glob("*/config/scenario.yaml")
+    return sorted(path.parents[1].name for path in paths)
 
 
-def robot_named(name: str, resolve_package: Optional[PackageResolver] = None) -> Robot:
+def robot_named(name: str) -> Robot:
     """Return a robot.
 
     Args:
         name: of an example, or the path of a folder that is laid out like one.
-        resolve_package: finds packages.
 
     Raises:
         SimulatorError: there is none.
     """
-    if name in robot_names(resolve_package):
-        return Robot(name, robots_folder(resolve_package) / name)
+    if name in robot_names():
+        return Robot(name, robots_folder() / name)
     folder = Path(name)
     if (folder / "config" / "scenario.yaml").is_file():
         return Robot(folder.resolve().name, folder)
     raise SimulatorError(
-        f"there is no robot '{name}'; use {', '.join(robot_names(resolve_package))}, or a folder "
+        f"there is no robot '{name}'; use {', '.join(robot_names())}, or a folder "
         f"with config/scenario.yaml"
     )

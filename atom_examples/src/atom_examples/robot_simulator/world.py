@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, Dict, List, Mapping, NamedTuple, Optional, Sequence
+from typing import Any, Dict, List, Mapping, NamedTuple, Sequence
 
 import numpy as np
 
 from atom_core.io.config_yaml import read_config
-from atom_core.io.paths import PackageResolver
 from atom_core.io.urdf import read_description
 from atom_core.model.config import PatternConfig
 from atom_core.model.pattern import Pattern, pattern_from_config
@@ -67,7 +66,6 @@ class RobotWorld:
         self,
         robot: Robot,
         seed: int,
-        resolve_package: Optional[PackageResolver] = None,
         onlookers: Sequence[View] = (),
     ):
         """Build the robot.
@@ -75,7 +73,6 @@ class RobotWorld:
         Args:
             robot: where it is described.
             seed: decides everything that is not described.
-            resolve_package: finds packages.
             onlookers: further views of the scene, which are recorded by nobody.
 
         Raises:
@@ -86,7 +83,7 @@ class RobotWorld:
         self.settings = Sensors(read_sensors(robot.sensors))
         if not self.config.description_file:
             raise SimulatorError(f"{robot.config}: names no description_file; add it")
-        described = read_description(self.config.description_file, resolve_package)
+        described = read_description(self.config.description_file)
         self.description: RobotDescription = described.robot
         self._check()
         self.patterns: Dict[str, Pattern] = {
@@ -94,7 +91,7 @@ class RobotWorld:
             for name in self.scenario.boards
         }
         self.biases = self._drawn_biases()
-        visuals = read_visuals(described.urdf, resolve_package)
+        visuals = read_visuals(described.urdf)
         self.scene = self._scene(visuals, onlookers)
         captured: Dict[str, Any] = {s.name: _captures(s) for s in self.settings.sensors.values()}
         self.lidars = {n: sensor for n, sensor in captured.items() if isinstance(sensor, Lidar)}

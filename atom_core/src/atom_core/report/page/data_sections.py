@@ -65,7 +65,7 @@ def absent_data(dataset: Dataset) -> List[str]:
 
 
 def worst_collections(
-    document: Document, samples: Sequence[ResidualSample] = (), most: int = _WORST
+    document: Document, samples: Sequence[ResidualSample] = ()
 ) -> List[Tuple[str, str, float]]:
     """Return the collections that fit worst, with the sensor and how many times worse than usual.
 
@@ -86,7 +86,7 @@ def worst_collections(
         if ratios:
             ratio, name = max(ratios)
             found.append((key, name, float(ratio)))
-    return sorted(found, key=lambda entry: -entry[2])[:most]
+    return sorted(found, key=lambda entry: -entry[2])[:_WORST]
 
 
 def _by_collection(sample: ResidualSample) -> Dict[str, float]:

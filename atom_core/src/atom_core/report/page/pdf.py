@@ -127,11 +127,11 @@ def _draw_rig(figure: Figure, still: Chart, top: float) -> None:
     figure.text(0.07, bottom - 0.02, still.alt, fontsize=7, color=_GREY)
 
 
-def _wrapped(lines: Sequence[str], width: int = _COLUMNS) -> str:
+def _wrapped(lines: Sequence[str]) -> str:
     found: List[str] = []
     for line in lines:
         begin = line[: len(line) - len(line.lstrip())]
-        found += textwrap.wrap(line, width, subsequent_indent=begin) or [""]
+        found += textwrap.wrap(line, _COLUMNS, subsequent_indent=begin) or [""]
     return "\n".join(found)
 
 

@@ -15,16 +15,15 @@ _QUALITY = 80
 _SHEET_COLUMNS, _THUMB = 6, (150, 112)  # columns; width and height of a picture [px]
 
 
-def as_picture(data: np.ndarray, span_m: Optional[Tuple[float, float]] = None) -> np.ndarray:
+def as_picture(data: np.ndarray) -> np.ndarray:
     """Return (height, width, 3) uint8 of a colour, grey or depth image.
 
     Args:
         data: uint8 with or without three channels, or depths (height, width) [m] with NaN.
-        span_m: of a depth image: what is darkest and what is brightest; None: what there is.
     """
     if data.dtype == np.uint8:
         return data if data.ndim == 3 else cv2.cvtColor(data, cv2.COLOR_GRAY2BGR)
-    low, high = span_m or depth_span(data)
+    low, high = depth_span(data)
     share = np.clip((data.astype(float) - low) / max(high - low, 1e-9), 0.0, 1.0)
     grey = np.where(np.isfinite(share), 40.0 + 200.0 * (1.0 - share), 0.0).astype(np.uint8)
     return cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)

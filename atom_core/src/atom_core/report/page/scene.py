@@ -176,10 +176,10 @@ def _ellipsoids(
     }
 
 
-def shown_collections(dataset: Dataset, most: int = MOST_COLLECTIONS) -> List[str]:
+def shown_collections(dataset: Dataset) -> List[str]:
     """Return the collections whose data are shown: all, or every so-many-th."""
     keys = list(dataset.collections)
-    return keys[:: max(1, -(-len(keys) // most))]
+    return keys[:: max(1, -(-len(keys) // MOST_COLLECTIONS))]
 
 
 def _origin_and_unit(
