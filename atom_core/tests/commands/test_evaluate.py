@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import replace
 
 import pytest
 
@@ -9,7 +10,7 @@ from atom_core.cli import main
 from atom_core.evaluation.same_data import shared_collections
 from atom_core.io.dataset_writer import write_dataset_folder
 from atom_core.io.truth_json import write_truth
-from atom_core.synthetic import degenerate
+from atom_core.synthetic import PLAIN, degenerate
 from atom_core.synthetic.scenes import hand_eye, random_scene
 
 
@@ -77,6 +78,24 @@ def test_what_the_reader_had_to_tolerate_of_the_test_set_is_told(scene, tmp_path
     told = "differ from what the configuration says; the dataset's own are used"
     shown, warnings = capsys.readouterr().out, result(tmp_path / "out")["warnings"]
     assert told in shown and any(told in warning for warning in warnings)
+
+
+@pytest.mark.parametrize("option, offset_m", [(["--range_offset", "lidar_1"], 0.03), ([], 0.0)])
+def test_an_error_of_ranges_that_was_estimated_is_still_in_the_data_and_told(
+    tmp_path, option, offset_m
+):
+    realism = replace(PLAIN, lidar_offset_m=offset_m)
+    synthetic = random_scene(1, rgb=2, depth=0, lidar3d=1, collections=12, realism=realism)
+    write_dataset_folder(synthetic.dataset, tmp_path / "d", name="d")
+    data = str(tmp_path / "d" / "dataset.json")
+    files = ["--output", str(tmp_path / "calibrated"), "--no_report"]
+    assert main(["calibrate", "--dataset", data, *files, *option]) == 0
+    train = str(tmp_path / "calibrated" / "atom_calibration.json")
+    out = ["--output", str(tmp_path / "out"), "--no_report"]
+    assert main(["evaluate", "--train", train, "--test", data, *out]) == 0
+    told = [w for w in result(tmp_path / "out")["warnings"] if "still have in them" in w]
+    assert bool(told) == bool(option)
+    assert all("lidar_1 reads" in warning and "mm long" in warning for warning in told)
 
 
 def test_options_with_dash_and_underscore(evaluate):

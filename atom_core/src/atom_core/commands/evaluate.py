@@ -16,6 +16,7 @@ from atom_core.commands.baseline_options import (
     chosen_baselines,
 )
 from atom_core.commands.compare_calibrations import run_comparison
+from atom_core.commands.estimated_ranges import estimated_range_remarks
 from atom_core.commands.provenance import inputs, versions
 from atom_core.commands.report_files import REPORT_FILES, report_beside
 from atom_core.commands.report_option import add_report_option
@@ -112,7 +113,8 @@ def run(args: argparse.Namespace) -> int:
     measured = Measured(train, test, evaluation, truth, annotations)
     found = chosen_baselines(args, measured, sensors)
     document = evaluation_document(evaluation, compared, found.hand_eye, found.rigs)
-    document["warnings"] = _warnings(train, test)
+    told = estimated_range_remarks(args.train, [*(sensors or train.sensors), *test.patterns])
+    document["warnings"] = [*_warnings(train, test), *told]
     document["annotations_in_doubt"] = doubts
     document["baselines_left_out"] = [*found.remarks, *found.missed]
     document["options"] = common.options_document(args)
