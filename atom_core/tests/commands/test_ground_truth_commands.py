@@ -82,6 +82,22 @@ def test_a_transform_is_signed_the_other_way(made, tmp_path, capsys):
     assert "\n001  " in capsys.readouterr().out
 
 
+def test_frames_between_which_nothing_is_calibrated_are_told(made, capsys):
+    """Their zeros looked like a perfect calibration."""
+    folder, edge = made
+    told = "nothing that is calibrated lies between"
+    behind = "rgb_2_optical_frame"
+    for kind, words, is_told in (
+        ("transform", ["-p", edge.child, "-c", behind], True),
+        ("transform", ["-p", edge.parent, "-c", behind], False),
+        ("frame", ["-sf", edge.parent], True),
+        ("frame", ["-sf", edge.child], False),
+        ("frame", [], False),
+    ):
+        run(kind, folder, *words)
+        assert (told in capsys.readouterr().out) == is_told
+
+
 def test_another_truth_and_none(made, capsys):
     folder, _ = made
     found = folder / "found" / "dataset.json"

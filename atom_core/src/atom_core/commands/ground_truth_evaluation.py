@@ -93,6 +93,19 @@ def why_not_measured(edge: Edge) -> str:
     )
 
 
+def warn_of_what_is_not_calibrated(dataset: Dataset, one: str, other: str) -> None:
+    """Print a warning where no edge between two frames is one that a calibration may change."""
+    parts = (*dataset.sensors.values(), *dataset.config.additional_tfs.values())
+    edges = {part.edge for part in parts}
+    for collection in dataset.collections.values():
+        edges |= {joint.edge for joint in collection.joints.values()}
+    if not any(edge in edges for edge, _ in dataset.graph.chain(one, other)):
+        print(
+            f"warning: nothing that is calibrated lies between '{one}' and '{other}': these "
+            f"figures say nothing of the calibration"
+        )
+
+
 def angle(found_T_true: np.ndarray) -> float:
     """Return the geodesic angle [rad] of a difference (4, 4)."""
     return float(se3.rotation_angle(found_T_true[:3, :3]))

@@ -13,6 +13,7 @@ from atom_core.commands.ground_truth_evaluation import (
     add_files,
     angle,
     compared,
+    warn_of_what_is_not_calibrated,
     why_not_measured,
 )
 from atom_core.commands.pair_evaluation import add_results_options, results_file, show_table
@@ -70,4 +71,6 @@ def run(args: argparse.Namespace) -> int:
     first = "Collection #" if args.source_frame else "Transformation #"
     rows.append([AVERAGES, *averages])
     show_table([first, *COLUMNS], rows, f"seen from {target}", target_file)
+    if args.source_frame:
+        warn_of_what_is_not_calibrated(both.found, target, args.source_frame)
     return 0

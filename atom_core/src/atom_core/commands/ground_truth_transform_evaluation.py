@@ -11,6 +11,7 @@ from atom_core.commands.ground_truth_evaluation import (
     add_files,
     angle,
     compared,
+    warn_of_what_is_not_calibrated,
     why_not_measured,
 )
 from atom_core.commands.pair_evaluation import add_results_options, results_file, show_table
@@ -50,4 +51,5 @@ def run(args: argparse.Namespace) -> int:
     title = f"{args.parent_link} to {args.child_link}"
     shown = rows if args.show_all_collections or target_file is not None else []
     show_table(["Collection #", *COLUMNS], [*shown, averages], title, target_file)
+    warn_of_what_is_not_calibrated(both.found, args.parent_link, args.child_link)
     return 0
