@@ -224,7 +224,7 @@ def test_the_truth_file_has_what_was_drawn(bag, rough):
     assert set(realism["sensors"]) == set(rough.rig.sensors)
     for name in LIDARS:
         assert realism["sensors"][name]["offset_m"] == rough.planted.of(name).offset_m
-    board = {"scale": 0.0015, "shift_m": [0.0, 0.0], "bend_m": 0.001}
+    board = {"scale": 0.0015, "shift_m": [0.0, 0.0], "bend_m": 0.001, "thickness_m": 0.0}
     assert realism["boards"]["pattern_1"] == board
     assert realism["sensors"]["rgb_1"]["focal_scale"] == list(rough.planted.of("rgb_1").focal_scale)
 
