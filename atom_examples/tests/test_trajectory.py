@@ -6,7 +6,7 @@ from atom_core.model.pattern import pattern_from_config
 from atom_core.synthetic.board import charuco
 from atom_examples.cell_simulator.planner import Stop
 from atom_examples.cell_simulator.scene import Person
-from atom_examples.cell_simulator.trajectory import SPEED_M_S, TICK_S, Trajectory, ordered, way
+from atom_examples.cell_simulator.trajectory import SPEED_M_S, TICK_S, Trajectory, ordered
 
 PATTERN = pattern_from_config("pattern_1", charuco())
 OUTLINE = np.column_stack([PATTERN.border.corners, np.zeros(4)])
@@ -74,7 +74,7 @@ def test_an_ordered_tour_is_shorter_and_has_the_same_stops():
 
     def length(tour):
         poses = [stop.world_T_pattern for stop in tour]
-        return sum(way(a, b, PATTERN) for a, b in zip(poses, poses[1:]))
+        return sum(PATTERN.border.way_m(a, b) for a, b in zip(poses, poses[1:]))
 
     tour = ordered(stops, lambda stop: stop.world_T_pattern, PATTERN)
     assert {id(stop) for stop in tour} == {id(stop) for stop in stops}

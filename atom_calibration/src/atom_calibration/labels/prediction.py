@@ -306,7 +306,4 @@ def _speed(before: Optional[_Seen], stamp_s: float, pose: np.ndarray, pattern: P
     """Return how fast [m/s] the board's points move, at most, by two sights in a row."""
     if before is None or not 0.0 < stamp_s - before.stamp_s <= 2.0 * FRESH_S:
         return _UNKNOWN_SPEED_M_S
-    shift = np.linalg.norm(_middle(pose, pattern) - _middle(before.world_T_pattern, pattern))
-    angle = se3.rotation_angle(before.world_T_pattern[:3, :3].T @ pose[:3, :3])
-    way = shift + angle * np.linalg.norm(pattern.border.half_size)
-    return float(way / (stamp_s - before.stamp_s))
+    return pattern.border.way_m(before.world_T_pattern, pose) / (stamp_s - before.stamp_s)

@@ -7,6 +7,8 @@ from typing import Tuple
 
 import numpy as np
 
+from atom_core.geometry import se3
+
 
 @dataclass(frozen=True)
 class Rectangle:
@@ -52,6 +54,13 @@ class Rectangle:
     def corners_in_pattern(self) -> np.ndarray:
         """(4, 3) the corners in the pattern's frame [m], in the same order."""
         return np.column_stack([self.corners, np.zeros(4)])
+
+    def way_m(self, a_T_pattern: np.ndarray, other_a_T_pattern: np.ndarray) -> float:
+        """Return how far any point of the board moves, at most, between two poses."""
+        middle = self.centre_in_pattern[None]
+        shift = se3.apply(other_a_T_pattern, middle) - se3.apply(a_T_pattern, middle)
+        angle = se3.rotation_angle(a_T_pattern[:3, :3].T @ other_a_T_pattern[:3, :3])
+        return float(np.linalg.norm(shift) + angle * np.linalg.norm(self.half_size))
 
     def signed_distance(self, points: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
         """Return distances to the border, negative inside, and their gradients.

@@ -51,10 +51,10 @@ class Trajectory:
         self._middle = pattern.border.centre_in_pattern
         self._stop_ticks = max(int(round(stop_s / TICK_S)), 1)
         poses = [stop.world_T_pattern for stop in stops]
-        moves = [_ticks(way(a, b, pattern)) for a, b in zip(poses, poses[1:])]
+        self._ways = [pattern.border.way_m(a, b) for a, b in zip(poses, poses[1:])]
+        moves = [_ticks(way) for way in self._ways]
         self.starts = [0, *np.cumsum([self._stop_ticks + n for n in moves]).tolist()]
         self.ticks = self.starts[-1] + self._stop_ticks
-        self._ways = [way(a, b, pattern) for a, b in zip(poses, poses[1:])]
 
     def interval(self, stop: int) -> tuple:
         """Return the first tick of a stop and the first one after it."""
@@ -77,14 +77,6 @@ class Trajectory:
         return State(pose, _person_between(here.person, there.person, centres, share))
 
 
-def way(a: np.ndarray, b: np.ndarray, pattern: Pattern) -> float:
-    """Return how far [m] any point of the board moves at most between two poses."""
-    middle = pattern.border.centre_in_pattern[None]
-    step = np.linalg.norm(se3.apply(b, middle) - se3.apply(a, middle))
-    angle = se3.rotation_angle(a[:3, :3].T @ b[:3, :3])
-    return float(step + angle * np.linalg.norm(pattern.border.half_size))
-
-
 def between(a: np.ndarray, b: np.ndarray, middle: np.ndarray, share: float) -> np.ndarray:
     """Return the pose between two: the middle (3,) on a line, turned about one axis."""
     turn = se3.rotation_vector_from_rotation(a[:3, :3].T @ b[:3, :3])
@@ -96,7 +88,8 @@ def between(a: np.ndarray, b: np.ndarray, middle: np.ndarray, share: float) -> n
 def ordered(items: Sequence[T], pose: Callable[[T], np.ndarray], pattern: Pattern) -> List[T]:
     """Return items in an order with short ways between their poses: nearest next, then 2-opt."""
     count = len(items)
-    ways = np.array([[way(pose(a), pose(b), pattern) for b in items] for a in items])
+    way_m = pattern.border.way_m
+    ways = np.array([[way_m(pose(a), pose(b)) for b in items] for a in items])
     order, left = [0], set(range(1, count))
     while left:
         order.append(min(left, key=lambda other: ways[order[-1], other]))

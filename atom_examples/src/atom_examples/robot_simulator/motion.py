@@ -6,7 +6,6 @@ from typing import Dict, List, NamedTuple, Optional, Sequence
 
 import numpy as np
 
-from atom_core.geometry import se3
 from atom_core.model.pattern import Pattern
 from atom_examples.cell_simulator.trajectory import TICK_S, between
 from atom_examples.robot_simulator.scenario import Carried
@@ -81,17 +80,10 @@ class RobotMotion:
         """Return the ticks strictly between two stops."""
         turns = [abs(b.positions[name] - p) / JOINT_SPEED for name, p in a.positions.items()]
         ways = [
-            _way_m(a.boards[name], b.boards[name], pattern) / BOARD_SPEED_M_S
+            pattern.border.way_m(a.boards[name], b.boards[name]) / BOARD_SPEED_M_S
             for name, pattern in self._carried.items()
         ]
         return int(np.ceil(max([_SHORTEST_S, *turns, *ways]) / TICK_S))
-
-
-def _way_m(a: np.ndarray, b: np.ndarray, pattern: Pattern) -> float:
-    middle = pattern.border.centre_in_pattern[None]
-    angle = se3.rotation_angle(a[:3, :3].T @ b[:3, :3])
-    step = float(np.linalg.norm(se3.apply(b, middle) - se3.apply(a, middle)))
-    return step + float(angle * np.linalg.norm(pattern.border.half_size))
 
 
 def _smooth(share: float) -> float:
