@@ -161,7 +161,7 @@ def _one_round(dataset: Dataset, output: Path) -> list:
     measurements = [m.with_atom_residuals() for m in read_measurements(dataset)[0]]
     boards = initial_boards(dataset, measurements, free)
     problem = build_problem(dataset, measurements, boards, free)
-    sigmas = tuple(block.sigma for block in problem.residual_blocks)
+    sigmas = problem.initial_sigmas
     start = np.zeros(problem.parameters.size)
     rows, costs = [], {}
     for name, make_solver in SOLVERS.items():

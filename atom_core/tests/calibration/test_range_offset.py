@@ -60,7 +60,7 @@ def test_an_offset_is_taken_back_exactly(problem):
 
 
 def test_both_solvers_see_the_same_rows_after_an_offset(problem):
-    sigmas = [block.sigma for block in problem.residual_blocks]
+    sigmas = problem.initial_sigmas
     x = 0.01 * np.random.default_rng(1).standard_normal(problem.parameters.size)
     squares, gradients = [], []
     for make in SOLVERS.values():
@@ -73,7 +73,7 @@ def test_both_solvers_see_the_same_rows_after_an_offset(problem):
 
 
 def test_the_column_is_the_derivative_of_the_cost(problem):
-    sigmas = [block.sigma for block in problem.residual_blocks]
+    sigmas = problem.initial_sigmas
     x, h = np.zeros(problem.parameters.size), 1e-6
     (column,) = error_columns(problem, x, sigmas, "none", [OFFSET])
 

@@ -176,7 +176,7 @@ def test_noise_off_the_cut_says_nothing_about_a_turn_about_it(scene, result, sol
     """It turned whole boards away: points move off a plane by a turn as they lie off their line."""
     problem = result.problem
     solver = SOLVERS[solver_name](problem)
-    sigmas = [block.sigma for block in problem.residual_blocks]
+    sigmas = problem.initial_sigmas
     equations = solver.equations(result.summary.x, sigmas, "none")
     (place, block), *_ = (
         (i, b)

@@ -133,7 +133,7 @@ def test_all_corrections_are_taken_back_exactly(problem, errors):
 
 def test_both_solvers_see_the_same_corrected_rows(problem, errors):
     pytest.importorskip("atom_core._core", reason="native module is not built: make build")
-    sigmas = [block.sigma for block in problem.residual_blocks]
+    sigmas = problem.initial_sigmas
     x = 0.01 * np.random.default_rng(1).standard_normal(problem.parameters.size)
     there = corrected(problem, {error: error.step for error in errors.values()}, x)
     squares = []

@@ -71,7 +71,7 @@ def test_jacobian_against_central_differences(scene, intrinsics):
     assert bool(problem.parameters.cameras) == bool(intrinsics)
     rng = np.random.default_rng(0)
     x = 0.03 * rng.standard_normal(problem.parameters.size)
-    sigmas = [block.sigma for block in problem.residual_blocks]
+    sigmas = problem.initial_sigmas
     analytic, h = problem.jacobian(x, sigmas).toarray(), 1e-6
     numeric = np.empty_like(analytic)
     for i in range(len(x)):
@@ -85,7 +85,7 @@ def test_jacobian_against_central_differences(scene, intrinsics):
 
 def test_every_free_parameter_moves_some_residual():
     problem = problem_of(paper_cell(0).dataset)
-    sigmas = [block.sigma for block in problem.residual_blocks]
+    sigmas = problem.initial_sigmas
     jacobian = problem.jacobian(np.zeros(problem.parameters.size), sigmas)
     assert np.all(np.asarray(abs(jacobian).sum(axis=0)) > 0)
 

@@ -19,9 +19,5 @@ def problem_of(scene, seed=0, disturbance=(0.05, 0.05), **options):
     return build_problem(dataset, measurements, boards, free)
 
 
-def sigmas_of(problem):
-    return tuple(block.sigma for block in problem.residual_blocks)
-
-
 def rows(problem, x, sigmas):
     return np.concatenate([(r / s[:, None]).ravel() for r, s in zip(problem.residuals(x), sigmas)])

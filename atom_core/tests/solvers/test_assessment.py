@@ -8,7 +8,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from problems import problem_of, sigmas_of  # noqa: E402
+from problems import problem_of  # noqa: E402
 
 from atom_core.problem.residuals import BorderBlock  # noqa: E402
 from atom_core.solvers import losses  # noqa: E402
@@ -35,7 +35,7 @@ def at(problem):
 
 
 def assessed(problem, loss):
-    return assess(problem, Layout(problem.parameters), at(problem), sigmas_of(problem), loss)
+    return assess(problem, Layout(problem.parameters), at(problem), problem.initial_sigmas, loss)
 
 
 def weights_of(problem, place, loss):
@@ -99,7 +99,7 @@ def vars_of(block):
 @pytest.mark.parametrize("loss", losses.LOSSES)
 def test_the_equations_are_those_of_the_weighted_rows(problem, loss):
     x, equations = at(problem), assessed(problem, loss).equations
-    sigmas, gradient = sigmas_of(problem), 0.0
+    sigmas, gradient = problem.initial_sigmas, 0.0
     linearised = problem.linearise(x)
     for place, residual in enumerate(linearised.residuals):
         square = np.sum((residual / sigmas[place][:, None]) ** 2, axis=1)

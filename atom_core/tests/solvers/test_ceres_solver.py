@@ -85,16 +85,12 @@ def problem_of(dataset, disturbance=(0.05, 0.05), scene=""):
     return build_problem(dataset, measurements, boards, free)
 
 
-def sigmas_of(problem):
-    return tuple(block.sigma for block in problem.residual_blocks)
-
-
 @pytest.mark.sampled(20)
 @pytest.mark.parametrize("loss", losses.LOSSES)
 @pytest.mark.parametrize("scene", SCENES)
 def test_normal_equations_are_those_of_the_specification(scene, loss):
     problem = problem_of(SCENES[scene]().dataset, scene=scene)
-    sigmas = sigmas_of(problem)
+    sigmas = problem.initial_sigmas
     x = 0.05 * np.random.default_rng(1).standard_normal(problem.parameters.size)
     ours = CeresSolver(problem).equations(x, sigmas, loss)
     theirs = LevenbergMarquardt(problem).equations(x, sigmas, loss)
@@ -118,7 +114,7 @@ def test_squares_and_inset_columns_are_those_of_the_specification(scene, loss):
     solvers = [CeresSolver(problem), LevenbergMarquardt(problem)]
     for solver in solvers:
         solver.take_insets(problem.with_insets(insets))
-    sigmas, x = sigmas_of(problem), 0.05 * rng.standard_normal(problem.parameters.size)
+    sigmas, x = problem.initial_sigmas, 0.05 * rng.standard_normal(problem.parameters.size)
     for ours, theirs in zip(*(solver.squares(x, sigmas) for solver in solvers)):
         np.testing.assert_allclose(ours, theirs, rtol=1e-9, atol=1e-12)
     ours, theirs = (solver.assess(x, sigmas, loss).columns for solver in solvers)
@@ -152,7 +148,7 @@ def test_points_behind_and_beside_the_camera_too():
     camera = Camera(1280, 800, K, MODELS["plumb_bob"], "plumb_bob")
     problem = problem_of(scenes.two_cameras(1, camera=camera, collections=4).dataset)
     x = np.random.default_rng(3).standard_normal(problem.parameters.size)
-    sigmas = sigmas_of(problem)
+    sigmas = problem.initial_sigmas
     ours, theirs = (
         s(problem).equations(x, sigmas, "none") for s in (CeresSolver, LevenbergMarquardt)
     )
@@ -165,7 +161,7 @@ def test_points_behind_and_beside_the_camera_too():
 @pytest.mark.parametrize("scene", SCENES)
 def test_the_minimum_is_that_of_the_specification(scene, loss):
     problem = problem_of(SCENES[scene]().dataset, scene=scene)
-    sigmas, zero = sigmas_of(problem), np.zeros(problem.parameters.size)
+    sigmas, zero = problem.initial_sigmas, np.zeros(problem.parameters.size)
     start = LevenbergMarquardt(problem).minimise(zero, sigmas, losses.NONE, 200).x
     ours = CeresSolver(problem).minimise(start, sigmas, loss, 200)
     theirs = LevenbergMarquardt(problem).minimise(start, sigmas, loss, 200)
@@ -192,7 +188,7 @@ def test_the_whole_calibration_agrees_to_a_micrometre():
 def test_convergence_is_not_claimed_when_iterations_run_out():
     problem = problem_of(scenes.random_scene(0).dataset)
     end = CeresSolver(problem).minimise(
-        np.zeros(problem.parameters.size), sigmas_of(problem), losses.NONE, 1
+        np.zeros(problem.parameters.size), problem.initial_sigmas, losses.NONE, 1
     )
     assert not end.converged
 
@@ -206,7 +202,7 @@ def test_where_no_step_lowers_the_cost_a_newton_step_of_no_weight_is_none(
     solver = CeresSolver(problem)
     x = np.zeros(problem.parameters.size)
     monkeypatch.setattr(solver, "equations", lambda *_: Promise(promised))
-    end = solver.minimise(x, sigmas_of(problem), losses.NONE, 200)
+    end = solver.minimise(x, problem.initial_sigmas, losses.NONE, 200)
     assert end.converged == is_near
 
 
@@ -222,7 +218,7 @@ class Promise:
 
 def test_the_cost_never_rises():
     problem = problem_of(scenes.random_scene(0).dataset)
-    sigmas, x = sigmas_of(problem), np.zeros(problem.parameters.size)
+    sigmas, x = problem.initial_sigmas, np.zeros(problem.parameters.size)
     solver, costs = CeresSolver(problem), []
     for _ in range(5):
         costs.append(losses.total_cost(losses.CAUCHY, solver.squares(x, sigmas)))
@@ -240,7 +236,7 @@ def test_progress_is_reported_and_can_stop_with_the_best_state():
 
     end = CeresSolver(problem)._native.minimise(
         np.zeros(problem.parameters.size),
-        list(sigmas_of(problem)),
+        list(problem.initial_sigmas),
         ceres_solver._loss("none"),
         ceres_solver._criteria(),
         100,
@@ -289,7 +285,7 @@ def test_arrays_that_do_not_fit_are_refused(change, message):
 
 def test_the_longest_step_is_said_once(monkeypatch):
     problem = problem_of(scenes.random_scene(1, collections=6).dataset, (0.1, 0.1))
-    sigmas, zero = sigmas_of(problem), np.zeros(problem.parameters.size)
+    sigmas, zero = problem.initial_sigmas, np.zeros(problem.parameters.size)
 
     def first_step():
         end = CeresSolver(problem).minimise(zero, sigmas, losses.NONE, 1)
@@ -303,7 +299,7 @@ def test_the_longest_step_is_said_once(monkeypatch):
 @pytest.mark.parametrize("loss", [losses.HUBER, losses.CAUCHY])
 def test_the_width_of_a_loss_is_said_once(loss, monkeypatch):
     problem = problem_of(scenes.random_scene(1, collections=6).dataset)
-    sigmas, x = sigmas_of(problem), np.zeros(problem.parameters.size)
+    sigmas, x = problem.initial_sigmas, np.zeros(problem.parameters.size)
     before = CeresSolver(problem).equations(x, sigmas, loss).shared
     monkeypatch.setattr(losses, f"_{loss.upper()}_WIDTH", 0.7)
     ours = CeresSolver(problem).equations(x, sigmas, loss).shared
@@ -321,7 +317,7 @@ def test_a_constant_of_the_residuals_goes_over(module, name, value, monkeypatch)
     scene = "range sensors and intrinsics of plumb_bob"
     problem = problem_of(SCENES[scene]().dataset, scene=scene)
     x = 0.05 * np.random.default_rng(1).standard_normal(problem.parameters.size)
-    sigmas = sigmas_of(problem)
+    sigmas = problem.initial_sigmas
     before = CeresSolver(problem).squares(x, sigmas)
     for place in (module, ceres_solver):
         monkeypatch.setattr(place, name, value)

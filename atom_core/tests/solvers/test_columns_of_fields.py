@@ -9,7 +9,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from problems import problem_of, sigmas_of  # noqa: E402
+from problems import problem_of  # noqa: E402
 
 from atom_core.problem.model_errors import RangeOffset  # noqa: E402
 from atom_core.solvers import losses  # noqa: E402
@@ -27,7 +27,7 @@ def solver():
 
 def found(solver, errors=(), fields=()):
     x = np.full(solver.problem.parameters.size, 2e-3)
-    return scalars_of(solver, x, sigmas_of(solver.problem), losses.CAUCHY, errors, fields)
+    return scalars_of(solver, x, solver.problem.initial_sigmas, losses.CAUCHY, errors, fields)
 
 
 def field_of(sensor, errors=(OFFSET,)):
@@ -70,7 +70,7 @@ def test_errors_that_no_row_depends_on_are_dropped_and_numbers_close_up(solver):
 
 def test_the_column_of_an_inset_is_that_of_the_assessment(solver):
     x = np.full(solver.problem.parameters.size, 2e-3)
-    (column,) = solver.assess(x, sigmas_of(solver.problem), losses.CAUCHY).columns
+    (column,) = solver.assess(x, solver.problem.initial_sigmas, losses.CAUCHY).columns
     (part,) = found(solver).parts
     assert part.block == column.block
     np.testing.assert_array_equal(part.detection, column.detection)

@@ -8,7 +8,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from problems import problem_of, sigmas_of  # noqa: E402
+from problems import problem_of  # noqa: E402
 
 from atom_core.solvers import losses  # noqa: E402
 from atom_core.solvers.detection_columns import DetectionColumns, collection_columns  # noqa: E402
@@ -26,7 +26,7 @@ class Dense:
     """A problem with random columns beside its poses, all rows at hand."""
 
     def __init__(self, problem):
-        self.problem, sigmas = problem, sigmas_of(problem)
+        self.problem, sigmas = problem, problem.initial_sigmas
         x = np.full(problem.parameters.size, 1e-3)
         self.equations = LevenbergMarquardt(problem).equations(x, sigmas, losses.NONE)
         linearised = problem.linearise(x)

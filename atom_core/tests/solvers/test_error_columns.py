@@ -9,7 +9,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from problems import problem_of, sigmas_of  # noqa: E402
+from problems import problem_of  # noqa: E402
 
 from atom_core.problem.board_errors import BoardSize  # noqa: E402
 from atom_core.problem.corrections import corrected  # noqa: E402
@@ -46,7 +46,7 @@ def test_a_row_counts_by_its_robust_weight_over_its_variance(loss):
 @pytest.mark.parametrize("loss", [losses.NONE, losses.CAUCHY])
 @pytest.mark.parametrize("error", [OFFSET, SIZE])
 def test_a_column_against_differences_row_by_row(problem, error, loss):
-    x, h, sigmas = at(problem), 1e-4, sigmas_of(problem)
+    x, h, sigmas = at(problem), 1e-4, problem.initial_sigmas
     (column,) = error_columns(problem, x, sigmas, loss, [error])
     ahead, behind = (corrected(problem, {error: s * h * error.step}, x) for s in (1.0, -1.0))
     rows = zip(problem.residuals(x), ahead.residuals(x), behind.residuals(x), sigmas)
@@ -73,7 +73,7 @@ def test_a_column_against_differences_row_by_row(problem, error, loss):
 
 def test_columns_keep_the_order_of_the_errors_and_leave_out_what_tells_nothing(problem):
     nobody = RangeOffset("nobody")
-    args = problem, at(problem), sigmas_of(problem), losses.NONE
+    args = problem, at(problem), problem.initial_sigmas, losses.NONE
     assert [c.error for c in error_columns(*args, [SIZE, nobody, OFFSET])] == [SIZE, OFFSET]
     known = {nobody: ErrorPrior(0.02)}
     (_, only, _) = error_columns(*args, [SIZE, nobody, OFFSET], known)

@@ -9,7 +9,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from problems import problem_of, sigmas_of  # noqa: E402
+from problems import problem_of  # noqa: E402
 
 from atom_core.solvers import losses  # noqa: E402
 from atom_core.solvers.free_fit import distances, distances_alone, median, medians  # noqa: E402
@@ -44,7 +44,7 @@ def test_distances_are_lengths_of_residuals_whatever_the_sigmas(problem):
     x = np.full(problem.parameters.size, 0.01)
     expected = [np.linalg.norm(r, axis=1) for r in problem.residuals(x)]
     for factor in (1.0, 5.0):
-        sigmas = [factor * s * np.linspace(1.0, 2.0, len(s)) for s in sigmas_of(problem)]
+        sigmas = [factor * s * np.linspace(1.0, 2.0, len(s)) for s in problem.initial_sigmas]
         found = distances(LevenbergMarquardt(problem), x, sigmas)
         for mine, length in zip(found, expected):
             np.testing.assert_allclose(mine, length)
@@ -52,7 +52,7 @@ def test_distances_are_lengths_of_residuals_whatever_the_sigmas(problem):
 
 def alone(problem):
     x = np.zeros(problem.parameters.size)
-    return distances_alone(problem, x, sigmas_of(problem), losses.NONE, LevenbergMarquardt)
+    return distances_alone(problem, x, problem.initial_sigmas, losses.NONE, LevenbergMarquardt)
 
 
 def test_exact_detections_fit_alone_however_the_sensors_stand(problem):

@@ -9,7 +9,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from problems import problem_of, rows, sigmas_of  # noqa: E402
+from problems import problem_of, rows  # noqa: E402
 
 from atom_core.problem.board_errors import BoardSize
 from atom_core.problem.corrections import corrected  # noqa: E402
@@ -41,7 +41,7 @@ class Dense:
     def __init__(self):
         rng = np.random.default_rng(8)
         problem = problem_of(scenes.random_scene)
-        self.sigmas, free = sigmas_of(problem), problem.parameters.free.ravel()
+        self.sigmas, free = problem.initial_sigmas, problem.parameters.free.ravel()
         self.x = np.where(free, 1e-3 * rng.standard_normal(problem.parameters.size), 0.0)
         self.values = {ERRORS[0]: 0.004, ERRORS[1]: -0.003}
         self.problem = problem = corrected(problem, self.values, self.x)

@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from problems import problem_of, rows, sigmas_of  # noqa: E402
+from problems import problem_of, rows  # noqa: E402
 
 from atom_core.solvers import losses
 from atom_core.solvers.base import SolverOptions
@@ -31,7 +31,7 @@ SCENES = {
 @pytest.mark.parametrize("scene", SCENES)
 def test_the_optimum_is_that_of_scipy_optimize(scene):
     problem = problem_of(SCENES[scene])
-    sigmas, start = sigmas_of(problem), np.zeros(problem.parameters.size)
+    sigmas, start = problem.initial_sigmas, np.zeros(problem.parameters.size)
     mine = LevenbergMarquardt(problem).minimise(start, sigmas, losses.NONE, 200)
     assert mine.converged
     theirs = least_squares(
@@ -51,7 +51,7 @@ def test_the_optimum_is_that_of_scipy_optimize(scene):
 @pytest.mark.parametrize("scene", SCENES)
 def test_block_normal_equations_are_those_of_the_jacobian(scene):
     problem = problem_of(SCENES[scene])
-    sigmas, x = sigmas_of(problem), np.full(problem.parameters.size, 0.01)
+    sigmas, x = problem.initial_sigmas, np.full(problem.parameters.size, 0.01)
     equations = LevenbergMarquardt(problem).equations(x, sigmas, losses.NONE)
     jacobian = problem.jacobian(x, sigmas).toarray()
     residual = rows(problem, x, sigmas)
@@ -77,7 +77,7 @@ def meeting_blocks(problem):
 @pytest.mark.parametrize("scene", SCENES)
 def test_covariance_is_the_inverse_of_the_whole_matrix(scene):
     problem = problem_of(SCENES[scene])
-    sigmas, x = sigmas_of(problem), np.zeros(problem.parameters.size)
+    sigmas, x = problem.initial_sigmas, np.zeros(problem.parameters.size)
     equations = LevenbergMarquardt(problem).equations(x, sigmas, losses.NONE)
     covariance = Covariance(equations)
     jacobian = problem.jacobian(x, sigmas).toarray()
@@ -109,7 +109,7 @@ def test_loss_weight_is_the_derivative_of_its_cost(loss):
 def test_the_cost_never_rises(loss):
     problem = problem_of(scenes.random_scene)
     solver = LevenbergMarquardt(problem)
-    sigmas, x = sigmas_of(problem), np.zeros(problem.parameters.size)
+    sigmas, x = problem.initial_sigmas, np.zeros(problem.parameters.size)
     costs = [losses.total_cost(loss, solver.squares(x, sigmas))]
     for _ in range(6):
         x = solver.minimise(x, sigmas, loss, 1).x
@@ -120,7 +120,7 @@ def test_the_cost_never_rises(loss):
 def test_converged_is_not_claimed_when_iterations_run_out():
     problem = problem_of(scenes.random_scene)
     end = LevenbergMarquardt(problem).minimise(
-        np.zeros(problem.parameters.size), sigmas_of(problem), losses.NONE, 1
+        np.zeros(problem.parameters.size), problem.initial_sigmas, losses.NONE, 1
     )
     assert not end.converged
     summary = solve(LevenbergMarquardt(problem), SolverOptions(max_iterations=2))
@@ -130,14 +130,14 @@ def test_converged_is_not_claimed_when_iterations_run_out():
 def test_a_start_that_is_not_finite_is_not_converged():
     problem = problem_of(scenes.random_scene)
     end = LevenbergMarquardt(problem).minimise(
-        np.full(problem.parameters.size, np.nan), sigmas_of(problem), losses.NONE, 5
+        np.full(problem.parameters.size, np.nan), problem.initial_sigmas, losses.NONE, 5
     )
     assert not end.converged and "finite" in end.message
 
 
 def test_converged_means_the_gradient_is_gone():
     problem = problem_of(scenes.random_scene)
-    sigmas = sigmas_of(problem)
+    sigmas = problem.initial_sigmas
     end = LevenbergMarquardt(problem).minimise(
         np.zeros(problem.parameters.size), sigmas, losses.NONE, 200
     )

@@ -9,7 +9,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from problems import problem_of, rows, sigmas_of  # noqa: E402
+from problems import problem_of, rows  # noqa: E402
 
 from atom_core.solvers import losses
 from atom_core.solvers.covariance import Covariance
@@ -30,7 +30,7 @@ class Dense:
 
     def __init__(self, problem):
         rng = np.random.default_rng(5)
-        self.problem, sigmas = problem, sigmas_of(problem)
+        self.problem, sigmas = problem, problem.initial_sigmas
         self.free = np.flatnonzero(problem.parameters.free.ravel())
         x = np.zeros(problem.parameters.size)
         x[self.free] = 1e-3 * rng.standard_normal(len(self.free))

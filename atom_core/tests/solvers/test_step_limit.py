@@ -39,7 +39,7 @@ def turned():
 def test_the_first_step_is_taken_and_cut_for_that_board(turned, name):
     problem, board = turned
     solver, zero = SOLVERS[name](problem), np.zeros(problem.parameters.size)
-    sigmas = [block.sigma for block in problem.residual_blocks]
+    sigmas = problem.initial_sigmas
     before = solver.minimise(zero, sigmas, losses.NONE, 0).cost
     end = solver.minimise(zero, sigmas, losses.NONE, 1)
     turns = np.linalg.norm(end.x.reshape(-1, 6)[:, :3], axis=1)
@@ -52,7 +52,7 @@ def test_the_first_step_is_taken_and_cut_for_that_board(turned, name):
 def test_it_ends_where_the_board_belongs_and_the_cost_that_is_told_only_falls(turned, name):
     problem, _ = turned
     solver, zero = SOLVERS[name](problem), np.zeros(problem.parameters.size)
-    sigmas = [block.sigma for block in problem.residual_blocks]
+    sigmas = problem.initial_sigmas
     told = []
 
     def progress(number, cost, x):

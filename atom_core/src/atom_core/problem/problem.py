@@ -167,6 +167,11 @@ class Problem:
         return np.take_along_axis(both, order, axis=1)[:, :width]
 
     @property
+    def initial_sigmas(self) -> Tuple[np.ndarray, ...]:
+        """Of each residual block, (n,) what its items are expected to deviate, in its unit."""
+        return tuple(block.sigma for block in self.residual_blocks)
+
+    @property
     def row_count(self) -> int:
         """Number of scalar residuals."""
         return sum(b.count * b.dimension for b in self.residual_blocks)

@@ -67,7 +67,7 @@ def without_rows(
     problem: Problem, errors: Sequence[ModelError], known: ErrorPriors
 ) -> List[ModelError]:
     """Return the errors on which no row depends, and of which nothing is known beforehand."""
-    x, sigmas = np.zeros(problem.parameters.size), [b.sigma for b in problem.residual_blocks]
+    x, sigmas = np.zeros(problem.parameters.size), problem.initial_sigmas
     seen = {c.error for c in error_columns(problem, x, sigmas, losses.NONE, errors, known)}
     return [error for error in errors if error not in seen]
 

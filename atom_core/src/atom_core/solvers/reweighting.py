@@ -62,7 +62,7 @@ def rough_minimum(
     ``done`` iterations are behind; they are counted in the result.
     """
     rough = replace(options, loss=loss)
-    return _minimise(solver, start, _initial_sigmas(solver.problem), rough, done, ROUGH)
+    return _minimise(solver, start, solver.problem.initial_sigmas, rough, done, ROUGH)
 
 
 def _minimise(
@@ -202,7 +202,7 @@ def _reweighted(
 ) -> SolverSummary:
     """Solve in rounds, from a rough answer for some scales (b,), insets (b,) and errors (e,)."""
     end, tolerance = rough, ROUGH
-    initial = _initial_sigmas(solver.problem)
+    initial = solver.problem.initial_sigmas
     sigmas = tuple(s * scale for s, scale in zip(initial, scales))
     count, settled = len(sigmas), False
     errors, priors = options.model_errors, options.error_priors
@@ -251,10 +251,6 @@ def _stands_still(problem: Problem, change: np.ndarray) -> bool:
     allowed = np.full(len(change), _STILL)
     allowed[: len(rows)], allowed[len(rows) : 2 * len(rows)] = factors, _STILL_STEPS
     return bool(np.all(np.abs(change) < allowed))
-
-
-def _initial_sigmas(problem: Problem) -> Tuple[np.ndarray, ...]:
-    return tuple(block.sigma for block in problem.residual_blocks)
 
 
 def atom_normalisers(

@@ -91,8 +91,8 @@ def with_intrinsics(
 def _open_names(solver: Solver, limit_rad: float) -> Dict[str, List[str]]:
     """Return, by camera, which of its free intrinsics the corners alone do not tell."""
     problem = solver.problem
-    sigmas = [block.sigma for block in problem.residual_blocks]
-    equations = solver.equations(np.zeros(problem.parameters.size), sigmas, losses.NONE)
+    x = np.zeros(problem.parameters.size)
+    equations = solver.equations(x, problem.initial_sigmas, losses.NONE)
     covariance = Covariance(equations)
     found: Dict[str, List[str]] = {}
     for i, block in problem.parameters.camera_blocks():

@@ -41,7 +41,7 @@ def settled(
     if summary.settled or summary.interrupted or setup.options.weights == ATOM:
         return summary, ()
     blocks, loss = solver.problem.residual_blocks, setup.options.loss
-    initial = [block.sigma for block in blocks]
+    initial = solver.problem.initial_sigmas
     alone = distances_alone(solver.problem, summary.x, initial, loss, setup.make)
     noise = [_noise(block, own) for block, own in zip(blocks, alone)]
     sigmas: Sequence[np.ndarray] = initial

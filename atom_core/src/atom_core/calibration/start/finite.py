@@ -16,10 +16,8 @@ def check_finite(solver: Solver) -> None:
         CalibrationError: naming sensor, collection, pattern and corner or point.
     """
     problem = solver.problem
-    blocks = problem.residual_blocks
-    start = np.zeros(problem.parameters.size)
-    squares = solver.squares(start, [block.sigma for block in blocks])
-    for block, values in zip(blocks, squares):
+    squares = solver.squares(np.zeros(problem.parameters.size), problem.initial_sigmas)
+    for block, values in zip(problem.residual_blocks, squares):
         bad = np.flatnonzero(~np.isfinite(values))
         if len(bad) == 0:
             continue

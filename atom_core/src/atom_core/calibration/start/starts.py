@@ -114,8 +114,7 @@ class RoughSolution:
         ]
 
     def _squares(self) -> List[np.ndarray]:
-        sigmas = [block.sigma for block in self.solver.problem.residual_blocks]
-        return self.solver.squares(self.minimum.x, sigmas)
+        return self.solver.squares(self.minimum.x, self.solver.problem.initial_sigmas)
 
 
 @dataclass(frozen=True)
