@@ -18,6 +18,7 @@ from atom_core.problem.board_errors import (
     BoardAspect,
     BoardSize,
     BoardThickness,
+    BoardTwist,
     BorderShift,
     BorderSize,
 )
@@ -65,6 +66,7 @@ def errors_of(dataset):
         BorderShift("pattern_1", 0),
         BorderSize("pattern_1", 1),
         *Bend.of_board("pattern_1", dataset.patterns["pattern_1"].border),
+        BoardTwist.of_board("pattern_1", dataset.patterns["pattern_1"].border),
         CameraError("rgb_1", "focal_length", (0, 1), camera),
     ]
 

@@ -9,7 +9,14 @@ from atom_core.geometry.intrinsics import COUNT, moved_camera
 from atom_core.model.labels import DetectionKey
 from atom_core.model.transforms import Edge
 from atom_core.problem.blocks import PATTERN, PoseBlock
-from atom_core.problem.board_errors import Bend, BoardAspect, BoardSize, BorderShift, BorderSize
+from atom_core.problem.board_errors import (
+    Bend,
+    BoardAspect,
+    BoardSize,
+    BoardTwist,
+    BorderShift,
+    BorderSize,
+)
 from atom_core.problem.corrections import corrected, corrected_cameras
 from atom_core.problem.direction_errors import ElevationOffset
 from atom_core.problem.model_errors import CameraError, RangeOffset, RangeScale
@@ -223,6 +230,7 @@ def test_any_values_may_follow_any_others(seed):
         values[RangeOffset("lidar")], values[RangeScale("lidar")] = rng.uniform(-0.05, 0.05, 2)
         values[ElevationOffset("lidar")] = rng.uniform(-0.01, 0.01)
         values[Bend("big", 0, 0.05, 0.4)] = rng.uniform(-0.01, 0.01)
+        values[BoardTwist("big", 0.05, 0.1, 0.4, 0.3)] = rng.uniform(-0.01, 0.01)
         values[CameraError("camera", "fx", (0,), CAMERA)] = rng.uniform(-0.1, 0.1)
     direct, detour = (corrected(p, second, X) for p in (problem(), corrected(problem(), first, X)))
     for one, other in zip(direct.residual_blocks, detour.residual_blocks):

@@ -11,6 +11,7 @@ from atom_core.problem.board_errors import (
     BoardAspect,
     BoardSize,
     BoardThickness,
+    BoardTwist,
     BorderShift,
     BorderSize,
     PrintTurn,
@@ -82,6 +83,7 @@ def errors(dataset):
         "elevation scale": ElevationScale("lidar_1"),
         "board aspect": BoardAspect(pattern.name),
         "print turn": PrintTurn(pattern.name, *middle),
+        "board twist": BoardTwist(pattern.name, *middle, *half),
     }
 
 
@@ -90,6 +92,7 @@ NAMES = [
     *("bend over y", "focal length", "first coefficient", "some layers", "depth wave"),
     *("depth offset", "depth focal length", "depth centre", "azimuth scale", "azimuth wave"),
     *("elevation offset", "elevation scale", "board aspect", "print turn"),
+    "board twist",
 ]
 
 
@@ -167,6 +170,7 @@ def test_both_solvers_see_the_same_corrected_rows(problem, errors):
         (BorderShift, 0.003),
         (BorderSize, 0.003),
         (Bend, 0.002),
+        (BoardTwist, 0.002),
         (BoardThickness, 0.01),
         (JointOffset, 0.001),  # 0.06 deg
         (PrismaticOffset, 0.001),

@@ -27,6 +27,7 @@ from atom_core.problem.board_errors import (
     BoardAspect,
     BoardSize,
     BoardThickness,
+    BoardTwist,
     BorderShift,
     BorderSize,
     PrintTurn,
@@ -58,7 +59,8 @@ _TYPES: Mapping[str, Type[ModelError]] = {
         *(RangeOffset, RangeScale, DepthOffset, DepthScale, LayerOffset, DepthWave),
         *(AzimuthScale, AzimuthWave, ElevationOffset, ElevationScale),
         *(DepthFocalLength, DepthCentre),
-        *(BoardSize, BoardAspect, PrintTurn, BorderShift, BorderSize, Bend, BoardThickness),
+        *(BoardSize, BoardAspect, PrintTurn, BorderShift, BorderSize),
+        *(Bend, BoardTwist, BoardThickness),
         CameraError,
     )
 }

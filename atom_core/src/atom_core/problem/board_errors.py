@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import dataclass
-from typing import ClassVar, Optional, Tuple
+from typing import Callable, ClassVar, Optional, Tuple, Type, Union
 
 import numpy as np
 
@@ -185,16 +185,40 @@ class Bend(AlongAxis):
         return ((in_pattern[:, self.axis] - self.middle) / self.half_m) ** 2
 
     def _of_block(self, rows: Rows) -> Optional[np.ndarray]:
-        block = rows.block
-        if isinstance(block, ReprojectionBlock):
-            above = np.zeros((block.count, 3))
-            above[:, 2] = self.height(block.corners_in_pattern)
-            return rows.by_pattern_point(above)
-        if isinstance(block, OrthogonalBlock):
-            above = np.zeros((block.count, 3))
-            above[:, 2] = self.height(rows.in_plane)
-            return rows.by_pattern_point(above)
-        return None
+        return _raised(rows, self.height)
+
+
+@dataclass(frozen=True)
+class BoardTwist(BoardError):
+    """By how much two opposite corners of a board lie above its middle, two below, in its z [m].
+
+    Attributes:
+        middle_x, middle_y: middle of the border, in the pattern's plane [m].
+        half_x, half_y: half its sides [m].
+    """
+
+    middle_x: float
+    middle_y: float
+    half_x: float
+    half_y: float
+
+    kind = "board_twist"
+    step = 0.001
+    usual = 0.002
+    option = WITH_ALL
+
+    @classmethod
+    def of_board(cls, target: str, border: Rectangle) -> BoardTwist:
+        """Return the twist of a board."""
+        return cls(target, *border.centre.tolist(), *border.half_size.tolist())
+
+    def height(self, in_pattern: np.ndarray) -> np.ndarray:
+        """Return (n,): the height of the surface at points (n, 2 or 3), at a twist of one."""
+        x, y = in_pattern[:, 0] - self.middle_x, in_pattern[:, 1] - self.middle_y
+        return x * y / (self.half_x * self.half_y)
+
+    def _of_block(self, rows: Rows) -> Optional[np.ndarray]:
+        return _raised(rows, self.height)
 
 
 @dataclass(frozen=True)
@@ -218,6 +242,23 @@ class BoardThickness(BoardError):
         above = np.zeros((rows.block.count, 3))
         above[:, 2] = self.height(rows)
         return rows.by_pattern_point(above)
+
+
+# what a board is beside its plane
+SURFACES: Tuple[Type[Union[Bend, BoardTwist]], ...] = (Bend, BoardTwist)
+
+
+def _raised(rows: Rows, height: Callable[[np.ndarray], np.ndarray]) -> Optional[np.ndarray]:
+    """Return the rows' change as a board rises by a height (n,) at places (n, 2 or 3) on it."""
+    if isinstance(rows.block, ReprojectionBlock):
+        places = rows.block.corners_in_pattern
+    elif isinstance(rows.block, OrthogonalBlock):
+        places = rows.in_plane
+    else:
+        return None
+    above = np.zeros((rows.block.count, 3))
+    above[:, 2] = height(places)
+    return rows.by_pattern_point(above)
 
 
 def _flat(points: np.ndarray) -> np.ndarray:

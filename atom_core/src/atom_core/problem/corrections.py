@@ -13,8 +13,8 @@ import numpy as np
 from atom_core.geometry.camera import Camera
 from atom_core.geometry.intrinsics import COUNT, moved_camera
 from atom_core.problem.board_errors import (
+    SURFACES,
     AlongAxis,
-    Bend,
     BoardAspect,
     BoardError,
     BoardSize,
@@ -154,8 +154,9 @@ class _Correction:
     def surface_m(self, in_pattern: np.ndarray) -> np.ndarray:
         """Return (n,): how high the bent boards are at points (n, 2 or 3) [m]."""
         height = np.zeros(len(self._patterns))
-        for error, value in self.of_kind(Bend).items():
-            height += self.per_item(error, value) * error.height(in_pattern)
+        for kind in SURFACES:
+            for error, value in self.of_kind(kind).items():
+                height += self.per_item(error, value) * error.height(in_pattern)
         return height
 
     def back_m(self, rows: Rows) -> np.ndarray:
@@ -201,7 +202,7 @@ def _corrected_border(block: BorderBlock, before: _Correction, after: _Correctio
 def _on_surface(
     block: OrthogonalBlock, after: _Correction, poses: np.ndarray, patterns: np.ndarray
 ) -> ResidualBlock:
-    if not any(after.of_kind(kind) for kind in (Bend, BoardThickness)):
+    if not any(after.of_kind(kind) for kind in (*SURFACES, BoardThickness)):
         return block if block.surface_m is None else replace(block, surface_m=None)
     rows = rows_of(block, poses, patterns, *block.linearise(poses))
     return replace(block, surface_m=after.surface_m(rows.in_plane) + after.back_m(rows))

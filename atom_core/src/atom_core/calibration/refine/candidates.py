@@ -16,6 +16,7 @@ from atom_core.problem.board_errors import (
     BoardAspect,
     BoardSize,
     BoardThickness,
+    BoardTwist,
     BorderShift,
     PrintTurn,
     SeenBorder,
@@ -87,6 +88,7 @@ def candidates(dataset: Dataset, problem: Problem, x: np.ndarray) -> List[ModelE
             found.append(PrintTurn.of_board(name, border))
         if name in from_behind:
             found.append(BoardThickness(name))
+        found.append(BoardTwist.of_board(name, border))
         bends = Bend.of_board(name, border)
         for axis, bend in enumerate(bends):
             found += [BorderShift(name, axis), bend]

@@ -11,6 +11,7 @@ from atom_core.problem.board_errors import (
     BoardAspect,
     BoardSize,
     BoardThickness,
+    BoardTwist,
     BorderShift,
     BorderSize,
     PrintTurn,
@@ -206,6 +207,11 @@ _WORDS: Dict[Type[ModelError], Callable[[ModelError, float, float], str]] = {
     ),
     Bend: _Sentence(
         "board {error.target} is bent by {size} along {axis}; put it on something stiff", _MM
+    ),
+    BoardTwist: _Sentence(
+        "board {error.target} is twisted: its corners lie {size} above and below its middle; put "
+        "it on something stiff",
+        _MM,
     ),
     BoardThickness: _Sentence(
         "the back of board {error.target} lies {size} {word} its print, where range sensors see "

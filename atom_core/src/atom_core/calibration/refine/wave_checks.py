@@ -14,7 +14,7 @@ import numpy as np
 
 from atom_core.calibration.refine.model_checks import ModelCheck
 from atom_core.model.dataset import Dataset
-from atom_core.problem.board_errors import Bend
+from atom_core.problem.board_errors import SURFACES
 from atom_core.problem.model_errors import ErrorPrior, ModelError
 from atom_core.problem.problem import Problem
 from atom_core.problem.range_fields import DepthWave, DepthWaves, depth_waves
@@ -59,7 +59,7 @@ def wave_checks(
         options: robust loss, and priors of what it has estimated.
         checks: what else the data show: a bent board looks like waves.
     """
-    if any(isinstance(error, (Bend, DepthWave)) for error in _all(summary, checks)):
+    if any(isinstance(error, (*SURFACES, DepthWave)) for error in _all(summary, checks)):
         return []
     found, problem = [], solver.problem
     for block, sigma in zip(problem.residual_blocks, summary.sigmas):
