@@ -79,6 +79,7 @@ def find_outliers(problem: Problem, x: np.ndarray, sigmas: Sequence[np.ndarray])
     for i in order:
         block, own = problem.residual_blocks[owner[i]], item[i]
         key, which = problem.detections[block.detection[own]], int(block.ids[own])
-        figures = float(norm[i]), UNITS[block.kind], float(size[i])
-        largest.append(Outlier(*key, block.kind, which, *figures))
+        length, unit, sigmas_off = float(norm[i]), UNITS[block.kind], float(size[i])
+        named = key.collection, key.sensor, key.pattern
+        largest.append(Outlier(*named, block.kind, which, length, unit, sigmas_off))
     return Outliers(counts, tuple(largest))
