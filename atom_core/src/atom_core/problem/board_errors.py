@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import dataclass
-from typing import Callable, ClassVar, Optional, Tuple, Type, Union
+from typing import Callable, ClassVar, Optional, Tuple
 
 import numpy as np
 
@@ -245,7 +245,7 @@ class BoardThickness(BoardError):
 
 
 # what a board is beside its plane
-SURFACES: Tuple[Type[Union[Bend, BoardTwist]], ...] = (Bend, BoardTwist)
+SURFACES = (Bend, BoardTwist)
 
 
 def _raised(rows: Rows, height: Callable[[np.ndarray], np.ndarray]) -> Optional[np.ndarray]:

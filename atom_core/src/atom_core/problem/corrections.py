@@ -6,7 +6,7 @@ What a block was corrected by before is taken back first, so that any values can
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Dict, List, Mapping, Optional, Type, TypeVar
+from typing import Dict, List, Mapping, Optional, Tuple, Type, TypeVar, Union
 
 import numpy as np
 
@@ -15,10 +15,12 @@ from atom_core.geometry.intrinsics import COUNT, moved_camera
 from atom_core.problem.board_errors import (
     SURFACES,
     AlongAxis,
+    Bend,
     BoardAspect,
     BoardError,
     BoardSize,
     BoardThickness,
+    BoardTwist,
     BorderShift,
     BorderSize,
     PrintTurn,
@@ -154,9 +156,10 @@ class _Correction:
     def surface_m(self, in_pattern: np.ndarray) -> np.ndarray:
         """Return (n,): how high the bent boards are at points (n, 2 or 3) [m]."""
         height = np.zeros(len(self._patterns))
-        for kind in SURFACES:
-            for error, value in self.of_kind(kind).items():
-                height += self.per_item(error, value) * error.height(in_pattern)
+        surfaces: List[Tuple[Union[Bend, BoardTwist], float]] = [*self.of_kind(Bend).items()]
+        surfaces += self.of_kind(BoardTwist).items()
+        for error, value in surfaces:
+            height += self.per_item(error, value) * error.height(in_pattern)
         return height
 
     def back_m(self, rows: Rows) -> np.ndarray:
