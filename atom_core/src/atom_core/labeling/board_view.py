@@ -13,7 +13,7 @@ from atom_core.labeling.view_axis import axis_about
 _RANSAC_ITERATIONS, _RANSAC_CONFIDENCE = 500, 0.999
 _NEIGHBOURS = 6
 _HALF_SQUARE = 0.5
-_FAR_OFF_PX, _FAR_OFF_SIGMAS = 0.6, 5.0  # from what the neighbours say
+_FAR_OFF_PX, _FAR_OFF_SIGMAS = 0.6, 7.4  # from what the neighbours say
 _NEXT = (1, 2, -1, -2)
 _NEAREST = 1e-3  # of the depth of the board's origin: what lies behind the camera stays far out
 
@@ -113,7 +113,7 @@ def off_their_neighbours(
         [np.median(misfit[n], axis=0) if n.any() else m for m, n in zip(misfit, near)]
     )
     size = np.linalg.norm(misfit - around, axis=1)
-    sigma = 1.4826 * np.median(size) / 1.18  # median of a Rayleigh distribution
+    sigma = np.median(size) / 1.18  # along an axis, from the median of a Rayleigh distribution
     in_line = np.linalg.norm(misfit - _in_line(board[chosen], misfit, around), axis=1)
     off[chosen] = np.minimum(size, in_line) > max(_FAR_OFF_PX, _FAR_OFF_SIGMAS * sigma)
     return off
