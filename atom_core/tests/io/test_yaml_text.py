@@ -27,6 +27,12 @@ def test_what_no_file_of_ours_has_is_refused(load, text):
         load(text)
 
 
+@pytest.mark.parametrize("load", [load_yaml_1_1, load_yaml_1_2])
+def test_what_only_one_parser_takes_has_the_same_limits(load):
+    with pytest.raises(ValueError, match="nested too deeply"):
+        load("a: \x85: \nb: " + 2000 * "[" + 2000 * "]")
+
+
 @pytest.mark.parametrize("read", [read_camchain, read_camera_info])
 def test_a_key_that_is_a_list_is_told_with_the_file(tmp_path, read):
     path = tmp_path / "a.yaml"

@@ -7,15 +7,20 @@ values than a computer holds (https://en.wikipedia.org/wiki/Billion_laughs_attac
 from __future__ import annotations
 
 import re
-from typing import Any, Dict, List, Optional, Tuple
+from typing import Any, Dict, Iterable, List, Optional, Tuple
 
 import yaml
-from ruamel.yaml import YAML
+from ruamel.yaml import YAML, events
+from ruamel.yaml.error import YAMLError
 
 MOST_VALUES = 500_000  # that a file may have, aliases counted as what they stand for
 DEEPEST = 100  # lists and maps within one another
 _OPENCV_LINE = re.compile(r"\A\s*%YAML:1\.0[^\n]*\n")
 _Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # libyaml's, where it was built in
+_ALIAS = (yaml.AliasEvent, events.AliasEvent)
+_SCALAR = (yaml.ScalarEvent, events.ScalarEvent)
+_START = (yaml.CollectionStartEvent, events.CollectionStartEvent)
+_END = (yaml.CollectionEndEvent, events.CollectionEndEvent)
 
 
 def load_yaml_1_1(text: str, loader: Any = yaml.SafeLoader) -> Any:
@@ -49,23 +54,27 @@ def load_yaml_1_2(text: str) -> Any:
 def check_yaml_size(text: str) -> None:
     """Raise if a text has more values, or deeper ones, than any file of ours.
 
-    A text that is no YAML passes: its parser says better what is wrong with it.
+    What libyaml refuses, ruamel.yaml may take all the same (U+0085 ends a line for libyaml alone).
+    A text that is no YAML for either passes: its parser says better what is wrong with it.
 
     Raises:
         ValueError: a few words that can follow the name of a file.
     """
     try:
-        _count(text)
+        _count(yaml.parse(text, Loader=_Loader))
     except yaml.YAMLError:
-        return
+        try:
+            _count(YAML(typ="safe", pure=True).parse(text))
+        except YAMLError:
+            return
 
 
-def _count(text: str) -> None:
+def _count(parsed: Iterable[Any]) -> None:
     sizes: Dict[str, Optional[int]] = {}  # by anchor; None while it is open
     open_nodes: List[Tuple[Optional[str], int]] = []  # their anchors, and the count before them
     values = 0
-    for event in yaml.parse(text, Loader=_Loader):
-        if isinstance(event, yaml.AliasEvent):
+    for event in parsed:
+        if isinstance(event, _ALIAS):
             size = sizes.get(str(event.anchor), 1)
             if size is None:
                 raise ValueError(
@@ -73,16 +82,16 @@ def _count(text: str) -> None:
                     f"write the values out"
                 )
             values += size
-        elif isinstance(event, yaml.ScalarEvent):
+        elif isinstance(event, _SCALAR):
             values += 1
             if event.anchor:
                 sizes[event.anchor] = 1
-        elif isinstance(event, yaml.CollectionStartEvent):
+        elif isinstance(event, _START):
             open_nodes.append((event.anchor, values))
             values += 1
             if event.anchor:
                 sizes[event.anchor] = None
-        elif isinstance(event, yaml.CollectionEndEvent):
+        elif isinstance(event, _END):
             anchor, before = open_nodes.pop()
             if anchor:
                 sizes[anchor] = values - before
