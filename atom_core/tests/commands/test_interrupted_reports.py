@@ -75,6 +75,18 @@ def test_what_is_drawn_is_broken_off_at_once(heard, capsys):
     assert "the results are complete" in capsys.readouterr().err
 
 
+def test_a_signal_may_come_while_a_class_is_made(heard, capsys):
+    number, got = heard
+
+    class Late:
+        def __set_name__(self, owner, name):
+            os.kill(os.getpid(), number)
+
+    report_files._unless_interrupted(lambda: type("Made", (), {"late": Late()}))
+    assert got == [number]
+    assert "the results are complete" in capsys.readouterr().err
+
+
 def test_an_interrupt_that_no_signal_made_is_raised():
     def draw():
         raise KeyboardInterrupt

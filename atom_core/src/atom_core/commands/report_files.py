@@ -235,7 +235,7 @@ def _unless_interrupted(draw: Callable[[], None]) -> None:
                 made = True
         finally:
             drawing = False
-    except KeyboardInterrupt:
+    except BaseException:  # before Python 3.12 a RuntimeError, where a class was just made
         drawing = False  # it came before the line above was through
         if not heard:
             raise
