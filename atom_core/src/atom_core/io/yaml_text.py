@@ -54,7 +54,8 @@ def load_yaml_1_2(text: str) -> Any:
 def check_yaml_size(text: str) -> None:
     """Raise if a text has more values, or deeper ones, than any file of ours.
 
-    What libyaml refuses, ruamel.yaml may take all the same (U+0085 ends a line for libyaml alone).
+    What libyaml refuses, ruamel.yaml may take all the same (for newer versions of it U+0085 ends no
+    line).
     A text that is no YAML for either passes: its parser says better what is wrong with it.
 
     Raises:
