@@ -67,12 +67,12 @@ RUNS = (
     Run(
         "`make test-debian11`",
         "2026-11-28",
-        "5ee9aaa",
-        "whole, and all passed, in 19 min beside `make results` in a root that was there (alone 9 "
-        "min; with the root, beside other work, 52 min): built without a change in the sources "
+        "25d6b83",
+        "whole, and all passed, in 11 min in a root that was there (with the root, beside other "
+        "work, 52 min): built without a change in the sources "
         "(GCC 10.2, Ceres 1.14.0, PCL 1.11.1, RViz 1.14.4, CMake 3.18.4, Python 3.9.2, OpenCV "
-        "4.5.1), 7,598 quick tests passed (59 skipped), the four C++ tests under the address and "
-        "undefined sanitizers, `calibrate.test` and the three tests in RViz. Runs before had found "
+        "4.5.1), 7,661 quick tests passed (62 skipped), the four C++ tests under the address and "
+        "undefined sanitizers, `calibrate.test` and the four tests in RViz. Runs before had found "
         "a simulator that could not run with the MuJoCo of Python 3.9 (3.3.7), pictures with their "
         "principal point upside down there, a selection nested 100,000 deep that ended the "
         "process, and a drag of a marker that turned the view (9a66978); all mended",
