@@ -55,8 +55,7 @@ def check_yaml_size(text: str) -> None:
     """Raise if a text has more values, or deeper ones, than any file of ours.
 
     What libyaml refuses, ruamel.yaml may take all the same (for newer versions of it U+0085 ends no
-    line).
-    A text that is no YAML for either passes: its parser says better what is wrong with it.
+    line). A text that is no YAML for either passes: its parser says better what is wrong with it.
 
     Raises:
         ValueError: a few words that can follow the name of a file.

@@ -185,7 +185,7 @@ class Bend(AlongAxis):
         return ((in_pattern[:, self.axis] - self.middle) / self.half_m) ** 2
 
     def _of_block(self, rows: Rows) -> Optional[np.ndarray]:
-        return _raised(rows, self.height)
+        return _on_surface(rows, self.height)
 
 
 @dataclass(frozen=True)
@@ -218,7 +218,7 @@ class BoardTwist(BoardError):
         return x * y / (self.half_x * self.half_y)
 
     def _of_block(self, rows: Rows) -> Optional[np.ndarray]:
-        return _raised(rows, self.height)
+        return _on_surface(rows, self.height)
 
 
 @dataclass(frozen=True)
@@ -239,25 +239,26 @@ class BoardThickness(BoardError):
     def _of_block(self, rows: Rows) -> Optional[np.ndarray]:
         if not isinstance(rows.block, OrthogonalBlock) or not np.any(rows.from_behind):
             return None
-        above = np.zeros((rows.block.count, 3))
-        above[:, 2] = self.height(rows)
-        return rows.by_pattern_point(above)
+        return _raised(rows, self.height(rows))
 
 
 # what a board is beside its plane
 SURFACES = (Bend, BoardTwist)
 
 
-def _raised(rows: Rows, height: Callable[[np.ndarray], np.ndarray]) -> Optional[np.ndarray]:
+def _on_surface(rows: Rows, height: Callable[[np.ndarray], np.ndarray]) -> Optional[np.ndarray]:
     """Return the rows' change as a board rises by a height (n,) at places (n, 2 or 3) on it."""
     if isinstance(rows.block, ReprojectionBlock):
-        places = rows.block.corners_in_pattern
-    elif isinstance(rows.block, OrthogonalBlock):
-        places = rows.in_plane
-    else:
-        return None
+        return _raised(rows, height(rows.block.corners_in_pattern))
+    if isinstance(rows.block, OrthogonalBlock):
+        return _raised(rows, height(rows.in_plane))
+    return None
+
+
+def _raised(rows: Rows, height: np.ndarray) -> np.ndarray:
+    """Return the rows' change as what they see of a board rises by a height (n,)."""
     above = np.zeros((rows.block.count, 3))
-    above[:, 2] = height(places)
+    above[:, 2] = height
     return rows.by_pattern_point(above)
 
 
