@@ -110,6 +110,25 @@ def test_without_transforms_the_reason_alone_is_told(cell):
     assert cell.said == ["far: 2 marker(s) are seen, 3 are needed (2 collections)"]
 
 
+def test_a_row_that_no_picture_shows_is_told_once(cell):
+    """The board is configured with a row too many, so that its labels lack one."""
+    board = cell.patterns["board"]
+    for number in range(6):
+        frames = cell.frames()
+        label = frames["near"].labels["board"].label
+        kept = label.ids < board.corner_count - board.columns
+        seen = RgbLabel(label.ids[kept], label.pixels[kept])
+        frames["near"].set_label("board", Labeled(seen))
+        del frames["far"].labels["board"]
+        cell.log.add(f"{number:03}", frames, {}, cell.tree)
+        assert len(cell.said) == (number >= 4)
+    size = f"{board.columns} x {board.rows - 1} inner corners"
+    assert "no picture shows a corner of the last row of pattern 'board', though 5" in cell.said[0]
+    assert f"the board has {size}" in cell.said[0] and "correct dimension" in cell.said[0]
+    cell.log.add("006", cell.frames(), {}, cell.tree)
+    assert not cell.log.unseen_rows()
+
+
 def test_a_collection_that_is_deleted_does_not_count(cell):
     for key in ("000", "001"):
         cell.log.add(key, cell.frames(), {}, cell.tree)

@@ -25,6 +25,7 @@ from atom_core.labeling.board_size import (
 from atom_core.labeling.guidance import BoardView, Guidance, board_view, guidance
 from atom_core.labeling.lidar3d import ALIKE
 from atom_core.labeling.rgb import STARTS_BLACK
+from atom_core.labeling.unseen_rows import REMEDY, SeenRows, seen_rows, unseen_rows_remark
 from atom_core.labeling.view_quality import (
     ForeseenView,
     described,
@@ -34,6 +35,7 @@ from atom_core.labeling.view_quality import (
     speed_figure,
 )
 from atom_core.model.config import CalibrationConfig
+from atom_core.model.labels import RgbLabel
 from atom_core.model.pattern import Pattern
 from atom_core.model.sensor import Sensor
 
@@ -67,6 +69,7 @@ class QualityLog:
         self._figures: Dict[str, Dict[Key, Figures]] = {}  # by collection
         self._failures: Dict[str, Dict[Key, Failure]] = {}  # by collection
         self._sizes: Dict[str, Dict[Key, SeenBoard]] = {}  # by collection
+        self._rows: Dict[str, Dict[Key, SeenRows]] = {}  # by collection
 
     def add(
         self,
@@ -86,6 +89,7 @@ class QualityLog:
         figures: Dict[Key, Figures] = {}
         failures: Dict[Key, Failure] = {}
         sizes: Dict[Key, SeenBoard] = {}
+        rows: Dict[Key, SeenRows] = {}
         before = {*self.advice(), *self.mirrored()}
         for name, pattern in self._patterns.items():
             config = self._config.calibration_patterns[name]
@@ -107,7 +111,11 @@ class QualityLog:
                 if self._sensors[sensor].kind.seen_boards and labeled.next_seed is not None:
                     away_m = float(np.linalg.norm(labeled.next_seed))
                     sizes[(sensor, name)] = _seen_size(labeled, away_m)
-        self._figures[key], self._failures[key], self._sizes[key] = figures, failures, sizes
+                camera = self._sensors[sensor].camera
+                if isinstance(labeled.label, RgbLabel) and camera is not None:
+                    rows[(sensor, name)] = seen_rows(labeled.label, pattern, camera)
+        self._figures[key], self._failures[key] = figures, failures
+        self._sizes[key], self._rows[key] = sizes, rows
         for line in (*self.advice(), *self.mirrored()):
             if _subject(line) not in {_subject(other) for other in before}:
                 self._warn(line)
@@ -117,6 +125,7 @@ class QualityLog:
         self._figures.pop(key, None)
         self._failures.pop(key, None)
         self._sizes.pop(key, None)
+        self._rows.pop(key, None)
 
     def advice(self) -> List[str]:
         """Return a line for each kind of label that failed twice or more."""
@@ -132,7 +141,20 @@ class QualityLog:
             config = self._config.calibration_patterns[name]
             text = advice(failures, found, self._patterns[name], config)
             lines.append(f"{self._named(sensor, name)}: {text} ({len(failures)} collections)")
-        return [*lines, *self.moved(), *self.alike()]
+        return [*lines, *self.moved(), *self.alike(), *self.unseen_rows()]
+
+    def unseen_rows(self) -> List[str]:
+        """Return a line for each board that is configured with rows that no picture shows."""
+        remarks = []
+        for name, pattern in self._patterns.items():
+            seen = [
+                rows
+                for of_one in self._rows.values()
+                for key, rows in of_one.items()
+                if key[1] == name
+            ]
+            remarks.append(unseen_rows_remark(pattern, seen))
+        return [f"{remark}; {REMEDY}" for remark in remarks if remark is not None]
 
     def alike(self) -> List[str]:
         """Return a line for each sensor that had to choose among planes of the board's size."""

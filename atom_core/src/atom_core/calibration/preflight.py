@@ -27,6 +27,7 @@ from atom_core.calibration.prepare.preparation import (
 )
 from atom_core.calibration.prepare.priors import priors
 from atom_core.calibration.prepare.same_labels import copies
+from atom_core.calibration.prepare.unseen_rows import unseen_rows
 from atom_core.calibration.start.boards import carried_boards
 from atom_core.errors import AtomError
 from atom_core.labeling.board_size import OTHER_SIZE
@@ -100,8 +101,9 @@ def preflight(dataset: Dataset) -> Preflight:
     by_labeler, remarks = look_at_boards(present)
     sides = _unknown(measured_sides(measurements, widths), by_labeler)
     warnings += remarks + _of_another_size(sides)
-    frozen = frozen_sensors(present, [m for m in measurements if m.key.collection not in copied])
-    warnings += [caveat.sentence for caveat in frozen]
+    in_doubt = frozen_sensors(present, [m for m in measurements if m.key.collection not in copied])
+    in_doubt += unseen_rows(present)
+    warnings += [caveat.sentence for caveat in in_doubt]
     held = _problem_at_held_boards(present, measurements)
     return Preflight(
         detections=_detections(dataset),
@@ -110,7 +112,7 @@ def preflight(dataset: Dataset) -> Preflight:
         rows=sum(m.rows for m in measurements),
         problems=tuple(problems),
         warnings=tuple(warnings),
-        caveats=(*dataset.caveats, *frozen),
+        caveats=(*dataset.caveats, *in_doubt),
         residuals=residual_table(held, np.zeros(0)) if held else None,
         sides=(*by_labeler, *sides),
         open_motion=left_open,

@@ -27,6 +27,7 @@ from atom_core.calibration.prepare.parts_left_out import (
 )
 from atom_core.calibration.prepare.priors import priors
 from atom_core.calibration.prepare.same_labels import check_same_labels, copies
+from atom_core.calibration.prepare.unseen_rows import unseen_rows
 from atom_core.errors import CalibrationError
 from atom_core.geometry.camera import Camera
 from atom_core.geometry.intrinsics import intrinsics_names
@@ -106,7 +107,7 @@ def prepare(
     remarks += held_remarks + check_mounts(dataset, measurements, free)
     check_fixed_boards(dataset, measurements)
     check_told(dataset, measurements, free, moving)
-    dataset = dataset.with_caveats(frozen_sensors(dataset, measurements))
+    dataset = dataset.with_caveats([*frozen_sensors(dataset, measurements), *unseen_rows(dataset)])
     return Prepared(dataset, measurements, free, moving, unused, tuple(remarks))
 
 
