@@ -7,6 +7,7 @@ import pytest
 
 from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.judge.judgement import judge
+from atom_core.calibration.judge.solved import Solved
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.calibration.prepare.preparation import prepare
 from atom_core.calibration.refine.refinement import refine
@@ -410,7 +411,9 @@ def test_the_steps_one_by_one_are_the_calibration():
     setup = SolverSetup(options.solver, solver_factory(options.solver_name))
     chosen = choose_start(starts, prepared, options, setup)
     refined = refine(chosen.solution, prepared.free, prepared.moving, options, setup)
-    judgement = judge(dataset, chosen, refined, options, setup.make)
+    judgement = judge(
+        Solved(dataset, options, prepared, starts, chosen, refined, setup, seconds={})
+    )
     np.testing.assert_array_equal(refined.summary.x, whole.summary.x)
     np.testing.assert_array_equal(judgement.covariance.shared, whole.covariance.shared)
     assert (judgement.status, judgement.message) == (whole.status, whole.message)

@@ -11,7 +11,8 @@ from typing import Dict, Iterator, List, Mapping, NamedTuple, Tuple
 
 import numpy as np
 
-from atom_core.calibration.calibrate import Calibration, Solved
+from atom_core.calibration.calibrate import Calibration
+from atom_core.calibration.judge.solved import Solved
 from atom_core.calibration.judge.statistics import Table, residual_table
 from atom_core.calibration.start.boards import solved_dataset
 from atom_core.errors import DatasetError

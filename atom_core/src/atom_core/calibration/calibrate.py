@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
-from functools import cached_property
 from types import MappingProxyType
 from typing import Dict, Mapping, Optional, Tuple
 
-from atom_core.calibration.judge.judgement import Judgement, answer, judge
+from atom_core.calibration.judge.judgement import Judgement, judge
+from atom_core.calibration.judge.solved import Solved
 from atom_core.calibration.options import CalibrationOptions
-from atom_core.calibration.prepare.preparation import Prepared, prepare
-from atom_core.calibration.refine.refinement import Earlier, Refined, refine
+from atom_core.calibration.prepare.preparation import prepare
+from atom_core.calibration.refine.refinement import Earlier, refine
 from atom_core.calibration.refine.rejection import Rejected
 from atom_core.calibration.start.half_turns import with_half_turns
-from atom_core.calibration.start.starts import ChosenStart, Starts, choose_start, find_starts
+from atom_core.calibration.start.starts import choose_start, find_starts
 from atom_core.model.dataset import Dataset
 from atom_core.model.labels import DetectionKey
 from atom_core.problem.builder import FreeEdges
@@ -55,33 +55,6 @@ class Calibration(Judgement):
     warnings: Tuple[str, ...]
     seconds: Mapping[str, float]
     seed: int
-
-
-@dataclass(frozen=True)
-class Solved:
-    """A calibration that is solved and not yet judged: poses without sigmas, status or verdict.
-
-    Attributes:
-        given: the dataset as it came.
-        options: what to hold, how to solve.
-        prepared, starts, chosen, refined: the steps' values.
-        setup: which solver.
-        seconds: time by step, so far.
-    """
-
-    given: Dataset
-    options: CalibrationOptions
-    prepared: Prepared
-    starts: Starts
-    chosen: ChosenStart
-    refined: Refined
-    setup: SolverSetup
-    seconds: Mapping[str, float]
-
-    @cached_property
-    def dataset(self) -> Dataset:
-        """The input with the calibrated edges and board poses in its transforms."""
-        return answer(self.chosen, self.refined)
 
 
 def calibrate(dataset: Dataset, options: Optional[CalibrationOptions] = None) -> Calibration:
@@ -133,14 +106,14 @@ def judged(solution: Solved) -> Calibration:
     """Return the calibration with all that tells what it is worth."""
     clock = _Clock()
     chosen, refined, prepared = solution.chosen, solution.refined, solution.prepared
-    judgement = judge(solution.given, chosen, refined, solution.options, solution.setup.make)
+    judgement = judge(solution)
     clock.lap("covariance")
     steps = (prepared, solution.starts, chosen, refined, judgement)
     return Calibration(
         **vars(judgement),
-        initial=chosen.solution.start.initial,
+        initial=solution.start.initial,
         free=refined.free,
-        problem=refined.solver.problem,
+        problem=solution.problem,
         summary=refined.summary,
         error_priors=refined.options.error_priors,
         unused=refined.unused,

@@ -12,7 +12,8 @@ from typing import Dict, FrozenSet, Optional, Set, Tuple
 
 import numpy as np
 
-from atom_core.calibration.calibrate import Calibration, Solved, judged, solved
+from atom_core.calibration.calibrate import Calibration, judged, solved
+from atom_core.calibration.judge.solved import Solved
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.calibration.refine.refinement import Earlier
 from atom_core.errors import SelectionError

@@ -9,9 +9,10 @@ import numpy as np
 
 from atom_core.calibration.judge.few_stops import few_stops
 from atom_core.calibration.judge.misfit import Misfit, misfits
+from atom_core.calibration.judge.solved import Solved
 from atom_core.calibration.judge.untold_scale import untold_scale
 from atom_core.calibration.judge.usual_errors import left_open
-from atom_core.calibration.options import OFF, CalibrationOptions
+from atom_core.calibration.options import OFF
 from atom_core.calibration.refine.candidates import usual_sizes
 from atom_core.calibration.refine.error_words import described, unusual
 from atom_core.calibration.refine.held_back import pull_sigma
@@ -28,13 +29,11 @@ from atom_core.calibration.refine.moving_parts import (
 )
 from atom_core.calibration.refine.refinement import Refined
 from atom_core.calibration.refine.wave_checks import wave_checks
-from atom_core.calibration.start.starts import InitialProblem
-from atom_core.model.dataset import Dataset
 from atom_core.model.transforms import Edge
 from atom_core.problem.blocks import BLOCK_SIZE
 from atom_core.problem.model_errors import ModelError
 from atom_core.problem.residuals import REPROJECTION
-from atom_core.solvers.base import CONVERGED, SIGMA, SolverFactory, SolverSetup
+from atom_core.solvers.base import CONVERGED, SIGMA, SolverSetup
 from atom_core.solvers.covariance import Covariance
 from atom_core.solvers.robust_covariance import degrees_of_freedom, sigma_factors
 
@@ -64,22 +63,17 @@ class Examined(NamedTuple):
     size_hints: Tuple[Hint, ...] = ()
 
 
-def examined(
-    dataset: Dataset,
-    initial: Dataset,
-    refined: Refined,
-    options: CalibrationOptions,
-    make_solver: SolverFactory,
-) -> Examined:
+def examined(solved: Solved) -> Examined:
     """Return what the data say of the model; nothing unless the solver has converged."""
-    summary, loss = refined.summary, options.solver.loss
+    refined, options = solved.refined, solved.options.solver
+    summary, make_solver = refined.summary, solved.setup.make
     if summary.status != CONVERGED:
         return Examined(refined.covariance)
-    unfit = tuple(misfits(refined.solver, summary.x, summary.sigmas, loss, make_solver))
-    if options.solver.weights != SIGMA:
+    unfit = tuple(misfits(refined.solver, summary.x, summary.sigmas, options.loss, make_solver))
+    if options.weights != SIGMA:
         return Examined(refined.covariance, unfit)
-    found = _checked(initial, refined, options)._replace(unfit=unfit)
-    moving, moved = _moving(dataset, refined, options, found.checks), found.moved
+    found = _checked(solved)._replace(unfit=unfit)
+    moving, moved = _moving(solved, found.checks), found.moved
     scatter = max((edge.gain for edge in moving), default=0.0)
     if moved is not None and moved.gain < _OF_SCATTER * scatter:
         moved = None
@@ -88,46 +82,38 @@ def examined(
     return found._replace(moving=tuple(moving), moved=moved)
 
 
-def beside_moving_parts(
-    found: Examined,
-    start: InitialProblem,
-    refined: Refined,
-    options: CalibrationOptions,
-    make_solver: SolverFactory,
-) -> Examined:
+def beside_moving_parts(found: Examined, solved: Solved) -> Examined:
     """Return the same, with the errors that show where moving parts that do not fit have room.
 
     What an arm is off by may look like an error of a sensor or a board beside it, or hide one.
 
     Args:
         found: what the data say where the parts are where the dataset has them.
-        start: what the problem was built from.
-        refined: the solution.
-        options: what the user asked for.
-        make_solver: which solver.
+        solved: the solution.
     """
     if not found.unfit or not found.moving:
         return found
+    refined = solved.refined
     parts = {Edge(edge.last_parent, edge.child): None for edge in found.moving}
     before = MovingSolution(refined.solver, refined.summary, refined.free)
-    setup = SolverSetup(refined.options, make_solver)
-    after = with_moving_parts(start, before, parts, setup)
+    setup = SolverSetup(refined.options, solved.setup.make)
+    after = with_moving_parts(solved.start, before, parts, setup)
     if after.solver is before.solver or after.summary.status != CONVERGED:
         return found
     other = replace(refined, solver=after.solver, summary=after.summary, free=after.free)
-    return found._replace(checks=_checked(start.initial, other, options).checks)
+    return found._replace(checks=_checked(replace(solved, refined=other)).checks)
 
 
-def of_the_model(refined: Refined, options: CalibrationOptions, found: Examined) -> List[str]:
+def of_the_model(solved: Solved, found: Examined) -> List[str]:
     """Return what is wrong with the sensors, and what was moved, the likeliest first."""
-    return _with_motion(_contradictions(refined, options, found), found.moved)
+    return _with_motion(_contradictions(solved, found), found.moved)
 
 
-def _contradictions(refined: Refined, options: CalibrationOptions, found: Examined) -> List[str]:
+def _contradictions(solved: Solved, found: Examined) -> List[str]:
     """Return what of the model the data contradict, the likeliest cause first."""
-    covariance = found.covariance
-    reasons = [suggestion(c, refined.solver.problem) for c in strong(found.checks, covariance)]
-    reasons += _unusual(refined, options, covariance) + unusual_parts(refined.free, options)
+    refined, covariance = solved.refined, found.covariance
+    reasons = [suggestion(c, solved.problem) for c in strong(found.checks, covariance)]
+    reasons += _unusual(solved, covariance) + unusual_parts(refined.free, solved.options)
     if found.unfit:  # else it is noise that the sigmas know of
         of_parts = [edge.why + _or_of_size(found.size_hints) for edge in found.moving]
         reasons = [*_of_held_boards(refined), *of_parts, *reasons]
@@ -149,8 +135,9 @@ def _with_motion(reasons: List[str], moved: Optional[Motion]) -> List[str]:
     return reasons
 
 
-def _checked(initial: Dataset, refined: Refined, options: CalibrationOptions) -> Examined:
+def _checked(solved: Solved) -> Examined:
     """Return the covariance, robust and combined, the model checks, what moved, what is untold."""
+    initial, refined, options = solved.start.initial, solved.refined, solved.options
     loss, estimated = refined.options.loss, tuple(refined.summary.model_errors)
     solution = checked(initial, refined.solver, refined.summary, refined.options, with_fields=True)
     equations, by_stop = solution.equations, solution.by_stop
@@ -185,15 +172,14 @@ def _checked(initial: Dataset, refined: Refined, options: CalibrationOptions) ->
     return found._replace(checks=tuple(checks), moved=moved)
 
 
-def _moving(
-    dataset: Dataset, refined: Refined, options: CalibrationOptions, checks: Sequence[ModelCheck]
-) -> List[MovingEdge]:
+def _moving(solved: Solved, checks: Sequence[ModelCheck]) -> List[MovingEdge]:
     """Return the moving transforms that do not fit, where no single error explains as much."""
-    if options.model_errors == OFF:
+    if solved.options.model_errors == OFF:
         return []
+    refined = solved.refined
     summary, loss = refined.summary, refined.options.loss
     explained = max((check.gain for check in checks), default=0.0)
-    found = moving_edges(dataset, refined.solver, summary.x, summary.sigmas, loss)
+    found = moving_edges(solved.dataset, refined.solver, summary.x, summary.sigmas, loss)
     return [edge for edge in found if edge.gain > 2.0 * explained]
 
 
@@ -210,15 +196,16 @@ def strong(checks: Sequence[ModelCheck], covariance: Covariance) -> List[ModelCh
     return list(checks) if np.any(np.abs(np.sum(moves, axis=0)) > limits) else []
 
 
-def _unusual(refined: Refined, options: CalibrationOptions, covariance: Covariance) -> List[str]:
+def _unusual(solved: Solved, covariance: Covariance) -> List[str]:
     """Return why, where an error that was expected to be usual had to be far more.
 
     Then what was expected decided how it is shared with others, and not the data.
     """
+    refined, usual = solved.refined, solved.options.intrinsics_sigma
     values, sigmas = refined.summary.model_errors, covariance.error_sigmas
     priors = {e: prior for e, prior in refined.options.error_priors.items() if e in values}
     # What was given more room, since it is not told from another, is unusual all the same.
-    room = usual_sizes([e for e, p in priors.items() if p.mean == 0.0], options.intrinsics_sigma)
+    room = usual_sizes([e for e, p in priors.items() if p.mean == 0.0], usual)
     priors = {e: p._replace(sigma=min(p.sigma, room.get(e, p.sigma))) for e, p in priors.items()}
     of_model = covariance.of_model.error_sigmas
     off: Dict[ModelError, float] = {}

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Dict, List, Mapping, Sequence, Tuple
+from typing import List, Sequence, Tuple
 
 import numpy as np
 
 from atom_core.calibration.judge.ambiguity import ambiguity
 from atom_core.calibration.judge.examination import (
-    Examined,
     beside_moving_parts,
     examined,
     of_the_model,
@@ -24,31 +23,23 @@ from atom_core.calibration.judge.priors import (
     held_directions,
     prior_results,
 )
-from atom_core.calibration.judge.reasons import Solution
 from atom_core.calibration.judge.released import Tried, released
 from atom_core.calibration.judge.released import why as why_released
+from atom_core.calibration.judge.solved import Solved
 from atom_core.calibration.judge.stated_places import StatedPlaces, stated_places
 from atom_core.calibration.judge.weak_directions import (
     WeakDirection,
     weak_directions,
     weak_model_errors,
 )
-from atom_core.calibration.options import DESCRIPTION, CalibrationOptions
+from atom_core.calibration.options import DESCRIPTION
 from atom_core.calibration.refine.model_checks import ModelCheck
 from atom_core.calibration.refine.moving_edges import MovingEdge
 from atom_core.calibration.refine.refinement import Refined
-from atom_core.calibration.start.boards import solved_dataset
-from atom_core.calibration.start.starts import ChosenStart, InitialProblem
 from atom_core.errors import quoted
 from atom_core.model.dataset import Dataset
-from atom_core.model.pattern import BoardKey
 from atom_core.problem.problem import Problem
-from atom_core.solvers.base import (
-    CONVERGED,
-    FAILED,
-    NOT_CONVERGED,
-    SolverFactory,
-)
+from atom_core.solvers.base import CONVERGED, FAILED, NOT_CONVERGED
 from atom_core.solvers.covariance import Covariance
 from atom_core.solvers.reweighting import covariance_of
 
@@ -96,50 +87,27 @@ class Judgement:
     remarks: Tuple[str, ...]
 
 
-def answer(chosen: ChosenStart, refined: Refined) -> Dataset:
-    """Return the dataset with the calibrated edges and board poses in its transforms."""
-    start, problem = chosen.solution.start, refined.solver.problem
-    boards = _of_use(start.initial, start.boards, problem)
-    return solved_dataset(start.initial, problem, refined.summary.x, boards)
-
-
-def judge(
-    described: Dataset,
-    chosen: ChosenStart,
-    refined: Refined,
-    options: CalibrationOptions,
-    make_solver: SolverFactory,
-) -> Judgement:
-    """Judge a solution.
-
-    Args:
-        described: the dataset as it was given.
-        chosen: the start that it goes back to, with its rivals.
-        refined: the solution.
-        options: what counts as undetermined.
-        make_solver: which solver.
-    """
-    start, summary, problem = chosen.solution.start, refined.summary, refined.solver.problem
-    dataset = answer(chosen, refined)
-    solution = Solution(dataset, problem, summary.x)
-    weak = _weak(chosen, refined, solution, options)
-    found = _examined(dataset, start, refined, options, make_solver)
-    known = tuple(prior_results(problem.parameters, summary.x, found.covariance))
+def judge(solved: Solved) -> Judgement:
+    """Judge a solution."""
+    start, refined, dataset, problem = solved.start, solved.refined, solved.dataset, solved.problem
+    weak = _weak(solved)
+    found = beside_moving_parts(examined(solved), solved)
+    known = tuple(prior_results(problem.parameters, refined.summary.x, found.covariance))
     out = exclusions(start.initial, start.measurements, refined.rejected)
-    places = described if options.initial_guess == DESCRIPTION else dataset
-    reasons = exchanged(places, dataset) + of_the_model(refined, options, found)
+    places = solved.given if solved.options.initial_guess == DESCRIPTION else dataset
+    reasons = exchanged(places, dataset) + of_the_model(solved, found)
     reasons += contradictions(known) + [m.why for m in found.unfit] + [e.why for e in out]
     also = _if_a_fixed_board_moved(dataset, problem) if found.unfit or found.moving or out else ""
     contradicted = tuple(why + also for why in reasons) if _is_answer(refined) else ()
     stated = stated_places(dataset, problem, refined.free)
-    why_held = _why_held(chosen, refined, options, make_solver, stated, reasons)
+    why_held = _why_held(solved, stated, reasons)
     cause = "" if why_held else stated.likely_cause
     status, message = _verdict(refined, weak, why_held + contradicted, cause)
     return Judgement(
         dataset,
         found.covariance,
         weak_directions=tuple(weak),
-        held_directions=_held(solution, refined, found.covariance, options, make_solver),
+        held_directions=_held(solved, found.covariance),
         priors=known,
         misfits=found.unfit,
         exclusions=tuple(out),
@@ -154,76 +122,46 @@ def judge(
     )
 
 
-def _examined(
-    dataset: Dataset,
-    start: InitialProblem,
-    refined: Refined,
-    options: CalibrationOptions,
-    make_solver: SolverFactory,
-) -> Examined:
-    """Return what the data say of the model, also where moving parts that do not fit have room."""
-    found = examined(dataset, start.initial, refined, options, make_solver)
-    return beside_moving_parts(found, start, refined, options, make_solver)
-
-
-def _why_held(
-    chosen: ChosenStart,
-    refined: Refined,
-    options: CalibrationOptions,
-    make_solver: SolverFactory,
-    stated: StatedPlaces,
-    reasons: Sequence[str],
-) -> Tuple[str, ...]:
+def _why_held(solved: Solved, stated: StatedPlaces, reasons: Sequence[str]) -> Tuple[str, ...]:
     """Return the sensors that are held and of which each, if it were free, leaves nothing amiss.
 
     In a sentence; () where there are none, or no reasons why something is amiss.
     """
-    if not reasons or not _is_answer(refined):
+    if not reasons or not _is_answer(solved.refined):
         return ()
-    start = chosen.solution.start
-
-    def look_at(other: Refined) -> Tried:
-        dataset, x = answer(chosen, other), other.summary.x
-        solution = Solution(dataset, other.solver.problem, x)
-        weak = weak_directions(solution, other.covariance, *options.undetermined_limit)
-        found = examined(dataset, start.initial, other, options, make_solver)
-        amiss = found.unfit or of_the_model(other, options, found)
-        return Tried(not amiss, bool(weak))
-
-    names = stated.held
-    elsewhere = released(start, refined, names, make_solver, look_at)
+    elsewhere = released(solved, stated.held, _tried)
     return (why_released(elsewhere, reasons[0]),) if elsewhere else ()
 
 
-def _weak(
-    chosen: ChosenStart,
-    refined: Refined,
-    solution: Solution,
-    options: CalibrationOptions,
-) -> List[WeakDirection]:
+def _tried(solved: Solved) -> Tried:
+    """Return what another solution is worth."""
+    limits = solved.options.undetermined_limit
+    weak = weak_directions(solved.solution, solved.refined.covariance, *limits)
+    found = examined(solved)
+    amiss = found.unfit or of_the_model(solved, found)
+    return Tried(not amiss, bool(weak))
+
+
+def _weak(solved: Solved) -> List[WeakDirection]:
     """Return what the data leave open."""
+    chosen, refined, limits = solved.chosen, solved.refined, solved.options.undetermined_limit
     weak = ambiguity(chosen.solution, chosen.rivals)
-    weak += weak_directions(solution, refined.covariance, *options.undetermined_limit)
-    weak += weak_model_errors(refined.covariance, options.undetermined_limit[0])
+    weak += weak_directions(solved.solution, refined.covariance, *limits)
+    weak += weak_model_errors(refined.covariance, limits[0])
     summary = refined.summary
     if not weak and summary.status == NOT_CONVERGED and not summary.interrupted:
-        return _weak_at_the_start(chosen.solution.start, refined, options)
+        return _weak_at_the_start(solved)
     return weak
 
 
-def _held(
-    solution: Solution,
-    refined: Refined,
-    covariance: Covariance,
-    options: CalibrationOptions,
-    make_solver: SolverFactory,
-) -> Tuple[HeldDirection, ...]:
+def _held(solved: Solved, covariance: Covariance) -> Tuple[HeldDirection, ...]:
     """Return the directions that priors alone hold."""
-    if not any(True for _ in solution.problem.parameters.priors()):
+    refined, limits = solved.refined, solved.options.undetermined_limit
+    if not any(True for _ in solved.problem.parameters.priors()):
         return ()
-    solver = make_solver(solution.problem.without_priors())
+    solver = solved.setup.make(solved.problem.without_priors())
     of_data = covariance_of(solver, refined.summary, refined.options)
-    return tuple(held_directions(solution, covariance, of_data, *options.undetermined_limit))
+    return tuple(held_directions(solved.solution, covariance, of_data, *limits))
 
 
 def _if_a_fixed_board_moved(dataset: Dataset, problem: Problem) -> str:
@@ -240,28 +178,16 @@ def _if_a_fixed_board_moved(dataset: Dataset, problem: Problem) -> str:
     )
 
 
-def _weak_at_the_start(
-    start: InitialProblem, refined: Refined, options: CalibrationOptions
-) -> List[WeakDirection]:
+def _weak_at_the_start(solved: Solved) -> List[WeakDirection]:
     """Return what was undetermined where the solver began.
 
     A solver that finds no rest may have drifted along such a direction until something stopped it,
     as the corner of a board does with an end of a 2D LiDAR's cut; there it looks determined.
     """
-    problem = refined.solver.problem
-    x = np.zeros_like(refined.summary.x)
-    began = replace(refined, summary=replace(refined.summary, x=x))
-    boards = _of_use(start.initial, start.boards, problem)
-    solution = Solution(solved_dataset(start.initial, problem, x, boards), problem, x)
-    return weak_directions(solution, began.covariance, *options.undetermined_limit)
-
-
-def _of_use(
-    dataset: Dataset, boards: Mapping[BoardKey, np.ndarray], problem: Problem
-) -> Dict[BoardKey, np.ndarray]:
-    """Return the boards that some detection of the problem is of."""
-    used = {dataset.patterns[k.pattern].board_key(k.collection) for k in problem.detections}
-    return {key: pose for key, pose in boards.items() if key in used}
+    summary, limits = solved.refined.summary, solved.options.undetermined_limit
+    x = np.zeros_like(summary.x)
+    began = replace(solved.refined, summary=replace(summary, x=x))
+    return weak_directions(solved.at(x), began.covariance, *limits)
 
 
 def _is_answer(refined: Refined) -> bool:

@@ -11,14 +11,13 @@ from typing import Callable, NamedTuple, Sequence, Tuple
 
 import numpy as np
 
+from atom_core.calibration.judge.solved import Solved
 from atom_core.calibration.prepare.priors import OPTION
 from atom_core.calibration.refine.moving_parts import rebuilt
-from atom_core.calibration.refine.refinement import Refined
 from atom_core.calibration.start.boards import solved_dataset
-from atom_core.calibration.start.starts import InitialProblem
 from atom_core.errors import AtomError
 from atom_core.geometry import se3
-from atom_core.solvers.base import CONVERGED, SIGMA, SolverFactory
+from atom_core.solvers.base import CONVERGED, SIGMA
 from atom_core.solvers.reweighting import solve_again
 
 _LEAST_M, _LEAST_RAD = 0.001, float(np.radians(0.05))  # nearer it is where it is held
@@ -52,37 +51,32 @@ class Tried(NamedTuple):
 
 
 def released(
-    start: InitialProblem,
-    refined: Refined,
-    held: Sequence[str],
-    make_solver: SolverFactory,
-    look_at: Callable[[Refined], Tried],
+    solved: Solved, held: Sequence[str], look_at: Callable[[Solved], Tried]
 ) -> Tuple[Released, ...]:
     """Return the sensors of which each, where it alone is released, leaves no contradiction.
 
     Args:
-        start: what the problem was built from.
-        refined: the solution that is contradicted.
+        solved: the solution that is contradicted.
         held: sensors whose place is stated though the data could tell it.
-        make_solver: which solver.
         look_at: tells what another solution is worth.
     """
-    if refined.options.weights != SIGMA:
+    if solved.refined.options.weights != SIGMA:
         return ()
-    initial, found = start.initial, []
+    initial, found = solved.start.initial, []
     for name in held:
         try:
-            free = _without(start, refined, name, make_solver)
+            free = _without(solved, name)
         except AtomError:
             continue
-        if free.summary.status != CONVERGED:
+        summary, problem = free.refined.summary, free.problem
+        if summary.status != CONVERGED:
             continue
         tried = look_at(free)
         if not tried.fits:
             continue
         edge = initial.sensors[name].edge
-        after = solved_dataset(initial, free.solver.problem, free.summary.x, {})
-        key = free.solver.problem.detections[0].collection
+        after = solved_dataset(initial, problem, summary.x, {})
+        key = problem.detections[0].collection
         places = (dataset.collections[key].transforms[edge] for dataset in (initial, after))
         shift_m, turn_rad = se3.pose_difference(*places)
         if shift_m > _LEAST_M or turn_rad > _LEAST_RAD:
@@ -90,17 +84,17 @@ def released(
     return tuple(found)
 
 
-def _without(
-    start: InitialProblem, refined: Refined, name: str, make_solver: SolverFactory
-) -> Refined:
+def _without(solved: Solved, name: str) -> Solved:
     """Return the solution with a sensor's edge free, and those of all sensors that share it."""
-    sensors, before = start.initial.sensors, refined.solver.problem
+    start, refined, before = solved.start, solved.refined, solved.problem
+    sensors = start.initial.sensors
     held = refined.free.anchored_sensors
     left = tuple(n for n in held if sensors[n].edge != sensors[name].edge)
     free = replace(refined.free, anchored_sensors=left)
-    solver = make_solver(rebuilt(start, before, refined.summary.x, free))
+    solver = solved.setup.make(rebuilt(start, before, refined.summary.x, free))
     summary = solve_again(solver, refined.options, before, refined.summary)
-    return replace(refined, solver=solver, summary=summary, free=free)
+    after = replace(refined, solver=solver, summary=summary, free=free)
+    return replace(solved, refined=after)
 
 
 def why(found: Sequence[Released], otherwise: str) -> str:
