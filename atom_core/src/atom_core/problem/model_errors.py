@@ -302,6 +302,20 @@ class PrismaticOffset(JointOffset):
 
 
 @dataclass(frozen=True)
+class EdgeOffset(JointOffset):
+    """That of a turning joint of which only transforms tell [rad]: nothing estimates it."""
+
+    option = ""
+
+
+@dataclass(frozen=True)
+class PrismaticEdgeOffset(PrismaticOffset):
+    """Likewise, of a prismatic one [m]."""
+
+    option = ""
+
+
+@dataclass(frozen=True)
 class JointScale(JointPositionError):
     """By which part a joint moves more than its positions say: a gear's or an encoder's ratio."""
 

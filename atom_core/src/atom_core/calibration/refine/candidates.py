@@ -92,9 +92,7 @@ def candidates(dataset: Dataset, problem: Problem, x: np.ndarray) -> List[ModelE
         bends = Bend.of_board(name, border)
         for axis, bend in enumerate(bends):
             found += [BorderShift(name, axis), bend]
-    if dataset.joints:
-        found += joint_candidates(solved_dataset(dataset, problem, x, {}), problem)
-    return found
+    return [*found, *joint_candidates(solved_dataset(dataset, problem, x, {}), problem)]
 
 
 def _patterns_with_border(problem: Problem) -> Set[str]:

@@ -31,11 +31,13 @@ from atom_core.problem.model_errors import (
     CameraError,
     DepthOffset,
     DepthScale,
+    EdgeOffset,
     ErrorPrior,
     JointOffset,
     JointScale,
     JointWave,
     ModelError,
+    PrismaticEdgeOffset,
     PrismaticOffset,
     RangeOffset,
     RangeScale,
@@ -150,6 +152,7 @@ _MM, _PERCENT, _DEG = _Scale(1e3, "mm"), _Scale(100.0, "%"), _Scale(math.degrees
 _RANGE_OFFSET = _Sentence("{error.target} reads {size} {word}", _MM, ("short", "long"))
 _RANGE_SCALE = _Sentence("{error.target} reads {size} too {word}", _PERCENT, ("near", "far"))
 _JOINT = "the positions of joint {error.target} are {size} too {word}"
+_JOINT_OF_EDGE = f"{_JOINT} (record /joint_states, too: -jsf estimates it then)"
 _SMALL = ("small", "large")
 _WORDS: Dict[Type[ModelError], Callable[[ModelError, float, float], str]] = {
     RangeOffset: _RANGE_OFFSET,
@@ -222,6 +225,8 @@ _WORDS: Dict[Type[ModelError], Callable[[ModelError, float, float], str]] = {
     CameraError: _camera,
     JointOffset: _Sentence(_JOINT, _DEG, _SMALL),
     PrismaticOffset: _Sentence(_JOINT, _MM, _SMALL),
+    EdgeOffset: _Sentence(_JOINT_OF_EDGE, _DEG, _SMALL),
+    PrismaticEdgeOffset: _Sentence(_JOINT_OF_EDGE, _MM, _SMALL),
     JointScale: _Sentence(
         "joint {error.target} moves {size} {word} than its positions say (the ratio of its gear "
         "or encoder)",

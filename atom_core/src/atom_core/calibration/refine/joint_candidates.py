@@ -12,12 +12,14 @@ from typing import Dict, List, Mapping
 
 import numpy as np
 
+from atom_core.calibration.refine.told_joints import told_joints
 from atom_core.geometry import se3
 from atom_core.model.dataset import Dataset, pose
 from atom_core.model.joints import JointState
 from atom_core.model.transforms import Edge
 from atom_core.problem.blocks import ROTATION, TRANSLATION
 from atom_core.problem.model_errors import (
+    EdgeOffset,
     JointOffset,
     JointPositionError,
     JointScale,
@@ -25,13 +27,20 @@ from atom_core.problem.model_errors import (
     JointTilt,
     JointWave,
     ModelError,
+    PrismaticEdgeOffset,
     PrismaticOffset,
 )
 from atom_core.problem.moving_blocks import MovingPart
 from atom_core.problem.problem import Problem
 
 _STILL = 1e-6  # positions [rad, m] of a joint that does not move
-_SAME = 1e-3  # entries of a transform and of what the position says
+# By whether the dataset has the joint's positions, and whether they are lengths.
+_OFFSETS = {
+    (True, False): JointOffset,
+    (True, True): PrismaticOffset,
+    (False, False): EdgeOffset,
+    (False, True): PrismaticEdgeOffset,
+}
 
 
 def joint_candidates(dataset: Dataset, problem: Problem) -> List[JointPositionError]:
@@ -41,21 +50,15 @@ def joint_candidates(dataset: Dataset, problem: Problem) -> List[JointPositionEr
         dataset: with the solution in its transforms.
         problem: whose detections are to depend on them.
     """
-    taken = {block.edge for block in problem.parameters.blocks}
     found: List[JointPositionError] = []
-    for name in sorted(dataset.joints):
-        joints = {k: c.joints[name] for k, c in dataset.collections.items() if name in c.joints}
+    for name, joints in told_joints(dataset, problem).items():
         first = next(iter(joints.values()))
-        used = {key.collection for key in problem.detections}
-        if first.edge in taken or not used <= set(joints):
-            continue
-        if not all(_is_told(dataset, key, joints[key]) for key in used):
-            continue
         axis = np.zeros(6)
         axis[TRANSLATION if first.is_prismatic else ROTATION] = first.axis  # the same in the child
         twists = _twists(dataset, problem, first.edge, dict.fromkeys(joints, axis))
         if np.any(twists):
             positions = np.array([joints[key.collection].position for key in problem.detections])
+            found.append(_OFFSETS[name in dataset.joints, first.is_prismatic](name, twists))
             found += _errors_of(name, first, twists, positions)
             found += _axis_errors_of(dataset, problem, name, joints)
     return found
@@ -74,13 +77,14 @@ def sizes_on_moving_parts(
         dataset: with the joints.
         moving: how far moving parts are off.
     """
-    found = dict(sizes)
+    found, joints = dict(sizes), dataset.joints
     for edge, part in moving.items():
-        carried = {step.edge for step in dataset.graph.chain(dataset.world, edge.child)}
+        carried = {str(step.edge) for step in dataset.graph.chain(dataset.world, edge.child)}
         for error, size in sizes.items():
             if isinstance(error, (JointTilt, JointShift)):
                 off = part.sigma_rad if isinstance(error, JointTilt) else part.sigma_m
-                if dataset.joint(error.target).edge in carried:
+                name = error.target
+                if (str(joints[name].edge) if name in joints else name) in carried:
                     found[error] = max(size, found[error], off)
     return found
 
@@ -112,13 +116,11 @@ def _axis_errors_of(
 def _errors_of(
     name: str, joint: JointState, twists: np.ndarray, positions: np.ndarray
 ) -> List[JointPositionError]:
-    """Return the errors of one joint, given what each detection has of its motion and position.
+    """Return what goes with a joint's position, given what each detection has of it and its motion.
 
-    The part that is the same for all detections is the offset's: what goes with the position is
-    told beside it.
+    The part that is the same for all detections is the offset's, and told beside it.
     """
-    offset = PrismaticOffset if joint.is_prismatic else JointOffset
-    found: List[JointPositionError] = [offset(name, twists)]
+    found: List[JointPositionError] = []
     if np.ptp(positions) <= _STILL:
         return found
 
@@ -130,12 +132,6 @@ def _errors_of(
         waves = (np.sin(positions), np.cos(positions))
         found += [JointWave(name, varying(share), phase) for phase, share in enumerate(waves)]
     return found
-
-
-def _is_told(dataset: Dataset, collection: str, joint: JointState) -> bool:
-    """Tell whether a transform is what the joint's position says."""
-    transform = dataset.collections[collection].transforms.get(joint.edge)
-    return transform is not None and np.allclose(transform, joint.parent_T_child, atol=_SAME)
 
 
 def _twists(

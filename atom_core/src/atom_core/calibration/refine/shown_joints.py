@@ -37,7 +37,7 @@ def with_shown_joints(
             break
         checks = checked(start.initial, solver, summary, setup.options).checks(summary, loss)
         shown = [check for check in checks if not check.rivals]
-        if not shown or not isinstance(shown[0].error, JointOffset):
+        if not shown or not isinstance(shown[0].error, JointOffset) or not shown[0].error.option:
             break
         name, before = shown[0].error.target, solver.problem
         joints = {**solution.free.joints, name: (POSITION_BIAS,)}
