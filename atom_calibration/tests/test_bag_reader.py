@@ -9,6 +9,7 @@ import rosbag
 import rospy
 
 from atom_calibration.errors import BagError
+from atom_calibration.sources import bag_index
 from atom_calibration.sources.bag_parts import bag_files, name_of, named_together, other_parts
 from atom_calibration.sources.bag_reader import BagReader
 
@@ -28,6 +29,28 @@ def test_messages_come_in_the_order_of_recording_and_within_the_limits(make, mes
         part = [m.recorded_s for m in bag.messages(["/points"], 11.0, 12.0)]
         assert len(part) == 11
         assert (bag.start_s, bag.end_s) == pytest.approx((10.0, 13.9))
+
+
+def test_a_window_costs_its_own_messages_and_not_those_before_it(make, tmp_path, monkeypatch):
+    moves = [("/tf", make.tf("a", "b", np.eye(4)), 10.0 + 0.01 * i) for i in range(2000)]
+    looked_at = []
+    time_ns = bag_index._time_ns
+    monkeypatch.setattr(bag_index, "_time_ns", lambda e: looked_at.append(e) or time_ns(e))
+    with BagReader(make.bag(tmp_path / "a.bag", moves)) as bag:
+        list(bag.messages(["/tf"]))
+        looked_at.clear()
+        assert len(list(bag.messages(["/tf"], 28.0, 28.1))) == 11
+        assert len(looked_at) < 100
+
+
+def test_messages_come_in_the_order_of_their_times_whatever_chunk_holds_them(make, tmp_path):
+    cloud = make.xyz_cloud(np.ones((2000, 3)))
+    shuffled = [("/points", cloud, 10.0 + 0.1 * (7 * i % 40)) for i in range(40)]
+    with BagReader(make.bag(tmp_path / "a.bag", shuffled, chunk_threshold=100000)) as bag:
+        times = [m.recorded_s for m in bag.messages(["/points"])]
+        assert times == pytest.approx([10.0 + 0.1 * i for i in range(40)])
+        within = [m.recorded_s for m in bag.messages(["/points"], 11.0, 12.0)]
+        assert within == pytest.approx([11.0 + 0.1 * i for i in range(11)])
 
 
 @pytest.mark.parametrize("compression", [rosbag.Compression.NONE, rosbag.Compression.LZ4])

@@ -13,6 +13,7 @@ import rosbag
 import rospy
 
 from atom_calibration.errors import BagError
+from atom_calibration.sources.bag_index import IndexedBag
 from atom_calibration.sources.bag_parts import bag_files, named_together
 from atom_calibration.sources.driver_messages import undecoded
 from atom_core.io.paths import unread
@@ -188,7 +189,7 @@ def open_bag(path: Path) -> rosbag.Bag:
             f"`rosbags-convert` of the Python package rosbags"
         )
     try:
-        return rosbag.Bag(str(path), "r")
+        return IndexedBag(path)
     except rosbag.ROSBagUnindexedException:
         raise BagError(
             f"{path}: the bag has no index, because its recording was cut off; repair it with "
