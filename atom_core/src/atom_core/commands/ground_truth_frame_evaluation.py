@@ -25,7 +25,7 @@ from atom_core.evaluation.frames_against_truth import (
     mean_rows,
     row_of,
 )
-from atom_core.report.atom_csv import AVERAGES
+from atom_core.report.tables import AVERAGES
 
 EXAMPLE = (
     "python3 -m atom_core ground_truth_frame_evaluation -train_json atom_calibration.json "

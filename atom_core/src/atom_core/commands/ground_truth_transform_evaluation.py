@@ -18,7 +18,7 @@ from atom_core.commands.pair_evaluation import add_results_options, results_file
 from atom_core.errors import DatasetError
 from atom_core.evaluation.frames_against_truth import by_angles, frame_errors, mean_rows, row_of
 from atom_core.geometry import se3
-from atom_core.report.atom_csv import AVERAGES
+from atom_core.report.tables import AVERAGES
 
 EXAMPLE = (
     "python3 -m atom_core ground_truth_transform_evaluation -train_json atom_calibration.json "

@@ -24,8 +24,8 @@ from atom_core.io.dataset_json import read_dataset
 from atom_core.model.dataset import Dataset, is_complete
 from atom_core.model.selection import select_names
 from atom_core.model.sensor import RGB
-from atom_core.report.atom_csv import AVERAGES, csv_text
-from atom_core.report.tables import text_table
+from atom_core.report.atom_csv import csv_text
+from atom_core.report.tables import AVERAGES, text_table
 
 _DECIMALS = 4
 _NOT_HERE = (

@@ -12,7 +12,6 @@ from atom_core.commands import common
 from atom_core.commands.batch_execution import STATUS
 from atom_core.errors import DatasetError, OutputError
 from atom_core.io.atomic import prepare_output_folder, write_text_atomically
-from atom_core.report.atom_csv import AVERAGES
 from atom_core.report.batch_averages import (
     Average,
     atom_text,
@@ -20,7 +19,7 @@ from atom_core.report.batch_averages import (
     experiment_groups,
     long_text,
 )
-from atom_core.report.tables import text_table
+from atom_core.report.tables import AVERAGES, text_table
 
 EXAMPLE = "python3 -m atom_core process_results -rf results -of averages"
 LONG_FILE = "averages.csv"

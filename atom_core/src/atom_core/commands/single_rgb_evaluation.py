@@ -22,7 +22,7 @@ from atom_core.evaluation.single_camera import single_cameras
 from atom_core.evaluation.statistics import mean_of
 from atom_core.io.dataset_json import read_dataset
 from atom_core.model.selection import select_names
-from atom_core.report.atom_csv import AVERAGES
+from atom_core.report.tables import AVERAGES
 
 EXAMPLE = (
     "python3 -m atom_core single_rgb_evaluation -train_json atom_calibration.json "

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from typing import Any, Dict, List, Optional, Sequence
 
 import numpy as np
 
 from atom_core.evaluation.edge_errors import EdgeError, JointError
 from atom_core.report.calibration_results import CalibrationResults, Residuals
-from atom_core.report.tables import ABSENT
+from atom_core.report.tables import ABSENT, AVERAGES, csv_table
 
 TRANSFORMS_FILE = "comparison_to_ground_truth_transforms.csv"
 JOINTS_FILE = "comparison_to_ground_truth_joints.csv"
 SHORT_FILE = "comparison_to_gt_tfs.csv"
 ERRORS_FILE = "calibration_errors.csv"
-AVERAGES = "Averages"
 _DECIMALS, _SHORT_DECIMALS, _RESIDUAL_DECIMALS = 5, 6, 4
 
 
@@ -82,11 +79,8 @@ def csv_text(
     headers: Sequence[str], rows: Sequence[Sequence[Any]], decimals: int, absent: str = ABSENT
 ) -> str:
     """Return a table as ATOM writes it: floats with so many decimals, `absent` where none is."""
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\r\n")
-    writer.writerow(headers)
-    writer.writerows([_cell(value, decimals, absent) for value in row] for row in rows)
-    return stream.getvalue()
+    lines = ([_cell(value, decimals, absent) for value in row] for row in rows)
+    return csv_table([headers, *lines], line_end="\r\n")
 
 
 def _average(column: Sequence[Optional[float]]) -> Optional[float]:

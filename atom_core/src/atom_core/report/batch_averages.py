@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import io
 import re
 from pathlib import Path
 from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
@@ -11,10 +10,10 @@ from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
 import numpy as np
 
 from atom_core.errors import DatasetError
-from atom_core.report.atom_csv import AVERAGES
+from atom_core.report.tables import AVERAGES, csv_table
 
 LONG_COLUMNS = ("experiment", "file", "column", "mean", "standard deviation", "n", "missing")
-_ATOM_HEADER = ",0"  # of its files of averages
+_ATOM_HEADER = ("", "0")  # of its files of averages
 
 
 class Average(NamedTuple):
@@ -128,25 +127,9 @@ def _figure(text: Optional[str]) -> Optional[float]:
 
 def atom_text(of_one_file: Sequence[Average], row: str, column: str) -> str:
     """Return the averages of one table as ATOM writes them: a line for each column."""
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    stream.write(_ATOM_HEADER + "\n")
-    writer.writerow([column, row])
-    writer.writerows([average.column, repr(average.mean)] for average in of_one_file)
-    return stream.getvalue()
+    return csv_table([_ATOM_HEADER, (column, row), *((a.column, a.mean) for a in of_one_file)])
 
 
 def long_text(found: Sequence[Average]) -> str:
     """Return all averages in one table."""
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(LONG_COLUMNS)
-    for average in found:
-        deviation = "" if average.deviation is None else repr(average.deviation)
-        writer.writerow(
-            [
-                *(average.experiment, average.file, average.column, repr(average.mean), deviation),
-                *(average.number, " ".join(average.missing)),
-            ]
-        )
-    return stream.getvalue()
+    return csv_table([LONG_COLUMNS, *((*a[:-1], " ".join(a.missing)) for a in found)])

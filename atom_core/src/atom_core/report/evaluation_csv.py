@@ -6,17 +6,15 @@ no pair or pattern writes over another one.
 
 from __future__ import annotations
 
-import csv
-import io
 from typing import Any, Dict, List, Optional, Tuple, Union
 
 from atom_core.evaluation.evaluate import Evaluation
 from atom_core.evaluation.pairs import PairKind
 from atom_core.evaluation.results import PairFigures, PairResult
 from atom_core.evaluation.statistics import Figures
+from atom_core.report.tables import AVERAGES, csv_table
 
 DECIMALS = 4  # as ATOM rounds
-AVERAGES = "Averages"
 
 
 def csv_texts(evaluation: Evaluation) -> Dict[str, str]:
@@ -35,13 +33,10 @@ def csv_name(kind: PairKind) -> str:
 
 def _text(kind: PairKind, results: List[PairResult]) -> str:
     columns = _columns(kind)
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
     extra = ["Points", "RMS at truth", "Reverse"]
-    writer.writerow(["source", "target", "pattern", "Collection #", *columns, *extra])
-    for result in results:
-        writer.writerows(_lines(result, list(columns.values())))
-    return stream.getvalue()
+    headers = ["source", "target", "pattern", "Collection #", *columns, *extra]
+    lines = (line for result in results for line in _lines(result, list(columns.values())))
+    return csv_table([headers, *lines])
 
 
 def _columns(kind: PairKind) -> Dict[str, str]:

@@ -1,13 +1,16 @@
-"""Plain-text tables, one look for all commands."""
+"""Tables as plain text, one look for all commands, and as CSV."""
 
 from __future__ import annotations
 
+import csv
+import io
 from typing import Any, Iterable, Optional, Sequence
 
 import numpy as np
 from tabulate import tabulate
 
 ABSENT = "---"
+AVERAGES = "Averages"  # names the line of means, as ATOM has it
 _FINEST = 4  # decimals of a figure with three digits
 
 
@@ -35,6 +38,13 @@ def text_table(
         disable_numparse=True,
     )
     return f"{title}\n{body}" if title else body
+
+
+def csv_table(rows: Iterable[Sequence[Any]], line_end: str = "\n") -> str:
+    """Return lines of CSV: a float with all of its digits, None as an empty cell."""
+    stream = io.StringIO()
+    csv.writer(stream, lineterminator=line_end).writerows(rows)
+    return stream.getvalue()
 
 
 class Figure(str):
