@@ -112,6 +112,31 @@ def test_single_messages_without_a_stamp_are_left_out(place, make, capsys, unset
     assert len(read_dataset(place.folder / "dataset.json").collections) == 3
 
 
+@pytest.mark.parametrize("topic", ["/cam/image_raw", "/lidar/points"])
+@pytest.mark.parametrize("strays, ahead_s", [(1, 1e6), (1, 3.0), (3, 90.0)])
+def test_the_first_messages_of_a_sensor_are_left_out_where_their_stamps_stray(
+    place, make, capsys, topic, strays, ahead_s
+):
+    """All after them seemed to be played twice, and the whole bag was refused."""
+    content = list(messages(make))
+    of_topic = [message for on, message, _ in content if on == topic]
+    for message in of_topic[:strays]:
+        message.header.stamp += rospy.Duration.from_sec(ahead_s)
+    assert main(place(content)) == 0
+    said = capsys.readouterr().err
+    assert said.count("a message is left out: ") == strays
+    assert f"topic {topic}, received at 100" in said
+    assert f"its stamp lies +{ahead_s:.1f} s off those around it" in said
+    assert len(read_dataset(place.folder / "dataset.json").collections) == STOPS
+
+
+def test_a_clock_that_is_set_after_the_first_messages_is_no_stray(place, make, capsys):
+    content = list(messages(make))
+    for message in [m for on, m, _ in content if on == "/cam/image_raw"][:6]:
+        message.header.stamp += rospy.Duration.from_sec(90.0)
+    assert "its stamps jump back by 89.9 s" in refusal(place(content), capsys)
+
+
 def test_receipt_of_an_unknown_sensor_is_refused(place, capsys):
     line = refusal([*place(), "--use_receive_time", "radar"], capsys)
     assert "there is no sensor 'radar'; there are cam, lidar" in line

@@ -5,10 +5,14 @@ One of them in the future makes all data after it lie before it, as if it were p
 
 from __future__ import annotations
 
-from typing import Dict, List, NamedTuple
+from itertools import islice
+from types import MappingProxyType
+from typing import Dict, Iterable, List, Mapping, NamedTuple
+
+import numpy as np
 
 from atom_calibration.messages.headers import stamp_s
-from atom_calibration.sources.bag_reader import BagMessage
+from atom_calibration.sources.bag_reader import BagMessage, BagReader
 
 _FAR_S = 2.0  # from when the messages before had their stamps, against the times of receipt
 _MOST = 3  # in a row; more of them have another clock, or come from another recording
@@ -29,9 +33,9 @@ class Placed(NamedTuple):
 class StrayStamps:
     """Holds messages with a stamp far off until those after them tell whether they are alone."""
 
-    def __init__(self) -> None:
-        """Know nothing."""
-        self._usual: Dict[str, BagMessage] = {}  # the last of each topic
+    def __init__(self, usual: Mapping[str, BagMessage] = MappingProxyType({})) -> None:
+        """Know nothing, or the first ``usual`` messages of topics that begin with strays."""
+        self._usual = dict(usual)  # the last of each topic
         self._held: Dict[str, List[BagMessage]] = {}
 
     def pass_on(self, found: BagMessage) -> List[Placed]:
@@ -56,6 +60,23 @@ class StrayStamps:
         return [
             _placed(one, self._usual[topic]) for topic in self._held for one in self._held[topic]
         ]
+
+
+def after_strays(bag: BagReader, topics: Iterable[str]) -> Dict[str, BagMessage]:
+    """Return, by topic that begins with stamps in the future, the first message after these.
+
+    Those after them have to be more, and agree. Stamps before those that follow do no harm.
+    """
+    found: Dict[str, BagMessage] = {}
+    for topic in topics:
+        first = list(islice(bag.messages([topic]), 2 * _MOST + 1))
+        lags_s = np.array([_lag_s(one) for one in first])
+        for count in range(1, min(_MOST, (len(first) - 1) // 2) + 1):
+            begins, goes_on = lags_s[:count], lags_s[count : 2 * _MOST + 1]
+            agree = np.all(np.abs(goes_on - goes_on[0]) <= _FAR_S)
+            if agree and np.all(begins < goes_on[0] - _FAR_S):
+                found[topic] = first[count]
+    return found
 
 
 def _placed(found: BagMessage, before: BagMessage) -> Placed:

@@ -18,7 +18,7 @@ from atom_calibration.sources.bag_transforms import BagTransforms
 from atom_calibration.sources.contradictions import MessageWatch
 from atom_calibration.sources.readable import why_unreadable
 from atom_calibration.sources.rig import Rig
-from atom_calibration.sources.stray_stamps import Placed, StrayStamps
+from atom_calibration.sources.stray_stamps import Placed, StrayStamps, after_strays
 from atom_core import opencv
 from atom_core.commands.progress import progress
 from atom_core.model.sensor import Sensor
@@ -29,7 +29,7 @@ _SIMULATION_BEGINS_S = 1.0
 _MOST_BAD_MESSAGES = 3  # of a sensor that are told one by one
 _NO_STAMP = "its driver has set no stamp (header.stamp)"
 _FAR_OFF = (
-    "its stamp lies {:+.1f} s off those before and after it, against the times of receipt; was the "
+    "its stamp lies {:+.1f} s off those around it, against the times of receipt; was the "
     "clock set for a moment?"
 )
 
@@ -134,7 +134,8 @@ def _ahead(
 
 def _in_turn(bag: BagReader, rig: Rig, received: Collection[str]) -> Iterator[Placed]:
     """Yield data and intrinsics in the order of recording, with the stamps that are to be used."""
-    strays = StrayStamps()
+    stamped = [topic for topic, sensor in rig.topics.items() if sensor.name not in received]
+    strays = StrayStamps(after_strays(bag, stamped))
     for found in bag.messages([*rig.topics, *rig.infos]):
         if found.topic in rig.topics and rig.topics[found.topic].name in received:
             found.message.header.stamp = rospy.Time.from_sec(found.recorded_s)
