@@ -10,6 +10,7 @@ from typing import Any, Callable, Dict, Iterator, List, Mapping, Optional, Proto
 
 import numpy as np
 
+from atom_calibration.collect.common_motion import CommonMotion
 from atom_calibration.collect.joint_positions import joint_states
 from atom_calibration.collect.quality import QUALITY_FILE, QualityLog
 from atom_calibration.collect.repeated_stops import CollectedStops
@@ -141,6 +142,7 @@ class Collector:
         self._doubtful: List[Tuple[Moment, str]] = []  # looked like a stop to some sensor
         self._done: List[Moment] = []
         self._stops = CollectedStops()
+        self._motion = CommonMotion(setup.patterns)
 
     @property
     def passed(self) -> List[str]:
@@ -217,7 +219,8 @@ class Collector:
             self.apart_ms.setdefault(name, []).append(1000.0 * apart_s)
         self._last = (key, chosen)
         self._remember(key, chosen)
-        around_s = 0.0 if setup.at_stops and not asked else _AROUND_S
+        is_stop = setup.at_stops and not asked
+        around_s = 0.0 if is_stop else _AROUND_S
         speeds = self._recent.speeds(moment.start_s - around_s, moment.end_s + around_s)
         tree = setup.transforms(min(frame.stamp_s for frame in chosen.values()))
         hangs_on = [(frame.sensor.frame, frame.stamp_s) for frame in chosen.values()]
@@ -228,6 +231,7 @@ class Collector:
             for edge in tree.path_here(setup.config.world_link, frame)
         ]
         self.quality.add(key, chosen, speeds, tree)
+        self._motion.add(key, chosen, tree, is_stop)
         self.quality.write(setup.store.folder)
         setup.caveats()  # which tells what is new
         return key
@@ -247,6 +251,7 @@ class Collector:
         if self._last[0] == key:
             self._last = ("", {})
         self._stops.delete(key)
+        self._motion.delete(key)
         self._seeds.pop(key, None)
         self._write_seeds()
         self.quality.delete(key)
@@ -311,7 +316,10 @@ class Collector:
 
     def keep_caveats(self) -> None:
         """Write what has come into doubt since the first collection."""
-        self._setup.store.keep_caveats(self._setup.caveats())
+        of_motion = self._motion.caveats
+        for caveat in of_motion:
+            self._setup.warn(caveat.sentence)
+        self._setup.store.keep_caveats((*self._setup.caveats(), *of_motion))
 
     def _write_seeds(self) -> None:
         seeds = [seed for of_one in self._seeds.values() for seed in of_one]
