@@ -9,7 +9,7 @@ from atom_core.model.labels import RangeLabel
 from atom_core.model.laser_scan import LaserScan
 from atom_core.model.pattern import pattern_from_config
 from atom_core.synthetic.board import charuco, held_before, hits
-from atom_core.synthetic.lidar2d import Lidar2dModel, directions, scan
+from atom_core.synthetic.lidar2d import Around, Lidar2dModel, directions, scan
 from atom_core.synthetic.noise import Noise
 from atom_core.synthetic.rig import Room
 
@@ -181,8 +181,8 @@ def seen(
     others = np.full(model.beams, np.inf)
     if furniture is not None:
         others = furniture.met(model.angles)
-    boards = {} if lidar_T_board is None else {"board": lidar_T_board}
-    made, labels = scan(model, boards, {"board": PATTERN}, world_T_lidar, room, noise, rng, others)
+    boards = {} if lidar_T_board is None else {"board": (lidar_T_board, PATTERN)}
+    made, labels = scan(model, boards, Around(world_T_lidar, room, others), noise, rng)
     label = labels.get("board")
     middle = None
     if label is not None:

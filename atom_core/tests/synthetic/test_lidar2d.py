@@ -6,7 +6,7 @@ import pytest
 from atom_core.geometry import se3
 from atom_core.model.pattern import pattern_from_config
 from atom_core.synthetic.board import charuco, chessboard, held_before
-from atom_core.synthetic.lidar2d import Lidar2dModel, scan
+from atom_core.synthetic.lidar2d import Around, Lidar2dModel, scan
 from atom_core.synthetic.noise import Noise
 from atom_core.synthetic.rig import Room
 
@@ -18,14 +18,12 @@ FAN = Lidar2dModel(-2.0, np.radians(0.5), 400)
 MODELS = [Lidar2dModel(), FAN, Lidar2dModel(np.pi, -2 * np.pi / 720, 720)]
 
 
-def seen(poses, model=None, seed=0, noise=None, **options):
+def seen(poses, model=None, seed=0, noise=None, others=None, **options):
     patterns = {"board": BOARD, "other": OTHER}
     return scan(
         model or Lidar2dModel(),
-        poses,
-        patterns,
-        WORLD_T_LIDAR,
-        ROOM,
+        {name: (pose, patterns[name]) for name, pose in poses.items()},
+        Around(WORLD_T_LIDAR, ROOM, others),
         noise or Noise.none(),
         np.random.default_rng(seed),
         **options,
@@ -137,15 +135,13 @@ def test_beams_on_an_edge_are_mixed_and_not_labeled():
 @pytest.mark.parametrize("x", [0.05, 40.0])
 def test_outside_the_range_limits_there_is_no_label(x):
     near = Lidar2dModel(range_m=(0.1, 30.0))
+    others = np.where(near.angles > 2.0, 5.0, np.inf)
     made, labels = scan(
         near,
-        {"board": upright(x, 0.0)},
-        {"board": BOARD},
-        WORLD_T_LIDAR,
-        Room((-60.0,) * 3, (60.0,) * 3),
+        {"board": (upright(x, 0.0), BOARD)},
+        Around(WORLD_T_LIDAR, Room((-60.0,) * 3, (60.0,) * 3), others),
         Noise.none(),
         np.random.default_rng(0),
-        others=np.where(near.angles > 2.0, 5.0, np.inf),
     )
     assert not labels or np.all(made.ranges[labels["board"].indices] >= 0.1)
     assert np.all(np.isinf(made.ranges[np.abs(near.angles + 2.0) < 0.5]))

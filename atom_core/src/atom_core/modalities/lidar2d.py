@@ -25,7 +25,7 @@ from atom_core.model.range_points import points_of_cloud
 from atom_core.model.sensor import DEPTH, LIDAR2D, LIDAR3D, RGB, Sensor
 from atom_core.model.transforms import Edge
 from atom_core.problem.scan_measurement import measured_in_scan, scan_blocks
-from atom_core.synthetic.lidar2d import Lidar2dModel, scan
+from atom_core.synthetic.lidar2d import Around, Lidar2dModel, scan
 from atom_core.synthetic.noise import Noise
 from atom_core.synthetic.planted import RangeErrors
 from atom_core.synthetic.realism import Realism
@@ -70,10 +70,8 @@ def _observe(view: View) -> Dict[str, RangeLabel]:
     """Return the labels of the boards in a scan, and keep the scan."""
     data, labels = scan(
         view.rig.lidars[view.sensor.name],
-        view.sensor_T_patterns,
-        view.patterns,
-        view.world_T_sensor,
-        view.rig.room,
+        {name: (pose, view.patterns[name]) for name, pose in view.sensor_T_patterns.items()},
+        Around(view.world_T_sensor, view.rig.room),
         view.noise,
         view.rng,
         errors=view.errors if isinstance(view.errors, RangeErrors) else RangeErrors(),
@@ -85,17 +83,9 @@ def _observe(view: View) -> Dict[str, RangeLabel]:
 
 def _outlook(rig: Rig, sensor: Sensor, lidar_T_pattern: np.ndarray, pattern: Pattern) -> Outlook:
     """Tell what a 2D LiDAR would make of a board, by a scan without noise."""
-    exact = Noise(lidar_m=0.0)
-    world_T_lidar = rig.pose(sensor.frame)
-    _, labels = scan(
-        rig.lidars[sensor.name],
-        {pattern.name: lidar_T_pattern},
-        {pattern.name: pattern},
-        world_T_lidar,
-        rig.room,
-        exact,
-        np.random.default_rng(0),
-    )
+    model, boards = rig.lidars[sensor.name], {pattern.name: (lidar_T_pattern, pattern)}
+    around, exact = Around(rig.pose(sensor.frame), rig.room), Noise(lidar_m=0.0)
+    _, labels = scan(model, boards, around, exact, np.random.default_rng(0))
     label = labels.get(pattern.name)
     return Outlook(label is not None, False, 0 if label is None else label.rows)
 

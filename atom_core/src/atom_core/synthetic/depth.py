@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
-from typing import Any, Dict, Mapping, Tuple, Union
+from typing import Any, Dict, Tuple, Union
 
 import numpy as np
 
@@ -16,7 +16,6 @@ from atom_core.model.pattern import Pattern
 from atom_core.model.sensor import Sensor
 from atom_core.synthetic.board import board_hits, border_points, facing
 from atom_core.synthetic.memory import Sampling
-from atom_core.synthetic.noise import Noise
 from atom_core.synthetic.planted import DepthErrors
 from atom_core.synthetic.realism import Realism
 from atom_core.synthetic.rig import Rig, Room, camera_of
@@ -92,23 +91,17 @@ def is_detected(camera: Camera, camera_T_pattern: np.ndarray, pattern: Pattern) 
     return float(np.mean(good)) >= LEAST_SHARE
 
 
-def capture(
-    device: DepthCamera,
-    camera_T_patterns: Mapping[str, np.ndarray],
-    patterns: Mapping[str, Pattern],
-    world_T_camera: np.ndarray,
-    noise: Noise,
-    rng: np.random.Generator,
-    grid_step: int,
-    errors: DepthErrors = DepthErrors(),  # noqa: B008 (frozen)
-) -> Tuple[np.ndarray, Dict[str, RangeLabel]]:
+def _capture(device: DepthCamera, view: View) -> Tuple[np.ndarray, Dict[str, RangeLabel]]:
     """Return the depth image (height, width) [m], NaN where there is none, and the labels.
 
-    Labels hold every ``grid_step``-th pixel of a board in both directions, and the board's
+    Labels hold every ``depth_step``-th pixel of a board in both directions, and the board's
     outermost pixels where its border lies in the image.
     """
+    camera_T_patterns, patterns = view.sensor_T_patterns, view.patterns
+    noise, rng = view.noise, view.rng
+    errors = view.errors if isinstance(view.errors, DepthErrors) else DepthErrors()
     shape = (device.camera.height, device.camera.width)
-    z = device.background(world_T_camera).copy()
+    z = device.background(view.world_T_sensor).copy()
     owner = np.full(z.shape, -1)
     for number, (name, camera_T_pattern) in enumerate(camera_T_patterns.items()):
         pixels, depth = device.board(camera_T_pattern, patterns[name])
@@ -123,7 +116,7 @@ def capture(
     labels: Dict[str, RangeLabel] = {}
     for number, (name, camera_T_pattern) in enumerate(camera_T_patterns.items()):
         if is_detected(device.camera, camera_T_pattern, patterns[name]):
-            label = _label(owner.reshape(shape) == number, lost, grid_step)
+            label = _label(owner.reshape(shape) == number, lost, view.sampling.depth_step)
             if label.detected:
                 labels[name] = label
     if noise.depth_scale > 0:
@@ -172,16 +165,7 @@ def observe(view: View) -> Dict[str, RangeLabel]:
     name, sampling = view.sensor.name, view.sampling
     if name not in view.prepared:
         view.prepared[name] = DepthCamera(camera_of(view.sensor), view.rig.room)
-    image, labels = capture(
-        view.prepared[name],
-        view.sensor_T_patterns,
-        view.patterns,
-        view.world_T_sensor,
-        view.noise,
-        view.rng,
-        sampling.depth_step,
-        view.errors if isinstance(view.errors, DepthErrors) else DepthErrors(),
-    )
+    image, labels = _capture(view.prepared[name], view)
     if sampling.labeled_only:
         labeled = [i for label in labels.values() for i in (label.indices, label.limit_indices)]
         kept = np.unique(np.concatenate(labeled)) if labeled else np.zeros(0, dtype=int)

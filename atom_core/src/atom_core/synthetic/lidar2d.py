@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Dict, List, Mapping, Optional, Tuple
+from typing import Dict, List, Mapping, NamedTuple, Optional, Tuple
 
 import numpy as np
 
@@ -19,6 +19,8 @@ from atom_core.synthetic.rig import Room
 LARGEST_ANGLE_DEG = 80.0  # between the beams and the cut's normal, in the scan's plane
 LEAST_POINTS = 5
 LEAST_LENGTH_M = 0.25  # of the cut, or half of the board's shorter side
+
+Board = Tuple[np.ndarray, Pattern]  # pose lidar_T_pattern (4, 4), and what it is
 
 
 @dataclass(frozen=True)
@@ -63,15 +65,32 @@ def directions(angles: np.ndarray) -> np.ndarray:
     return np.column_stack([np.cos(angles), np.sin(angles), np.zeros(len(angles))])
 
 
+class Around(NamedTuple):
+    """What is around the boards.
+
+    Attributes:
+        world_T_lidar: (4, 4) pose of the LiDAR's data frame.
+        room: behind the boards.
+        others: (beams,) distances [m] of what hides things behind it; infinite: nothing does.
+    """
+
+    world_T_lidar: np.ndarray
+    room: Room
+    others: Optional[np.ndarray] = None
+
+    def ranges(self, model: Lidar2dModel) -> np.ndarray:
+        """Return the distance (beams,) [m] along each beam."""
+        pose = self.world_T_lidar
+        walls = self.room.distance(pose[:3, 3], model.directions @ pose[:3, :3].T)
+        return walls if self.others is None else np.minimum(walls, self.others)
+
+
 def scan(
     model: Lidar2dModel,
-    lidar_T_patterns: Mapping[str, np.ndarray],
-    patterns: Mapping[str, Pattern],
-    world_T_lidar: np.ndarray,
-    room: Room,
+    boards: Mapping[str, Board],
+    around: Around,
     noise: Noise,
     rng: np.random.Generator,
-    others: Optional[np.ndarray] = None,
     errors: RangeErrors = RangeErrors(),  # noqa: B008 (frozen)
     errors_rng: Optional[np.random.Generator] = None,
 ) -> Tuple[LaserScan, Dict[str, RangeLabel]]:
@@ -82,18 +101,15 @@ def scan(
 
     Args:
         model: the LiDAR.
-        lidar_T_patterns: (4, 4) pose of each board in the LiDAR's frame, by pattern.
-        patterns: by name.
-        world_T_lidar: (4, 4), for the room.
-        room: what is behind the boards.
+        boards: pose ``lidar_T_pattern`` (4, 4) and pattern, by name.
+        around: what is behind them.
         noise: of ranges (``lidar_m``), with gross errors on labeled ones, and dropouts on boards.
         rng: draws it.
-        others: (beams,) distances [m] of what hides things behind it; infinite: nothing does.
         errors: the systematic ones; layers and divergence are those of 3D LiDARs.
         errors_rng: draws which returns from dark squares are lost.
     """
-    poses = [(lidar_T_patterns[name], patterns[name]) for name in lidar_T_patterns]
-    on_board, owner, nearest = _met(model, poses, world_T_lidar, room, others)
+    poses = list(boards.values())
+    on_board, owner, nearest = _met(model, poses, around)
     mixed = _mixed(model, poses, owner, nearest, rng)
     ranges = np.where(np.isnan(mixed), nearest, mixed)
     error_m, lost = _spoiled(model, poses, owner, nearest, errors, errors_rng or rng)
@@ -101,9 +117,9 @@ def scan(
     in_reach = (ranges >= model.range_m[0]) & (ranges <= model.range_m[1])
     usable = in_reach & ~lost & np.isnan(mixed)
     labels: Dict[str, RangeLabel] = {}
-    for number, name in enumerate(lidar_T_patterns):
+    for number, (name, (_, pattern)) in enumerate(boards.items()):
         label = _label(model, usable & (owner == number), on_board[number], nearest)
-        if is_detected(model, label, ranges, patterns[name]):
+        if is_detected(model, label, ranges, pattern):
             labels[name] = label
     ranges = ranges + (error_m + noise.lidar_m * rng.standard_normal(model.beams))
     for label in labels.values():
@@ -179,22 +195,17 @@ def _label(
 
 
 def _met(
-    model: Lidar2dModel,
-    poses: List[Tuple[np.ndarray, Pattern]],
-    world_T_lidar: np.ndarray,
-    room: Room,
-    others: Optional[np.ndarray],
+    model: Lidar2dModel, poses: List[Board], around: Around
 ) -> Tuple[List[np.ndarray], np.ndarray, np.ndarray]:
     """Return distances of each board, which thing beams (beams,) meet, and its distance [m]."""
     on_board = [board_hits(pose, p, model.directions)[0] for pose, p in poses]
-    walls = room.distance(world_T_lidar[:3, 3], model.directions @ world_T_lidar[:3, :3].T)
-    surfaces = np.vstack([*on_board, walls if others is None else np.minimum(walls, others)])
+    surfaces = np.vstack([*on_board, around.ranges(model)])
     return on_board, np.argmin(surfaces, axis=0), np.min(surfaces, axis=0)
 
 
 def _spoiled(
     model: Lidar2dModel,
-    poses: List[Tuple[np.ndarray, Pattern]],
+    poses: List[Board],
     owner: np.ndarray,
     nearest: np.ndarray,
     errors: RangeErrors,
@@ -215,7 +226,7 @@ def _spoiled(
 
 def _mixed(
     model: Lidar2dModel,
-    poses: List[Tuple[np.ndarray, Pattern]],
+    poses: List[Board],
     owner: np.ndarray,
     nearest: np.ndarray,
     rng: np.random.Generator,
