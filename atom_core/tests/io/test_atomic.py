@@ -133,8 +133,8 @@ def test_json_round_trip_keeps_every_digit(tmp_path):
 
 
 def test_json_keeps_the_order_when_asked(tmp_path):
-    write_json_atomically(tmp_path / "a.json", {"b": 1, "a": 2}, sort_keys=False, indent=None)
-    assert (tmp_path / "a.json").read_text() == '{"b": 1, "a": 2}\n'
+    write_json_atomically(tmp_path / "a.json", {"b": 1, "a": 2}, sort_keys=False)
+    assert (tmp_path / "a.json").read_text() == '{\n  "b": 1,\n  "a": 2\n}\n'
 
 
 @pytest.mark.parametrize("bad", [float("nan"), float("inf"), np.array([1.0, -np.inf])])

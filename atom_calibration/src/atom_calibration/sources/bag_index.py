@@ -5,7 +5,7 @@ from __future__ import annotations
 from bisect import bisect_left, bisect_right
 from heapq import merge
 from pathlib import Path
-from typing import Any, Iterable, Iterator, List, Optional, Set
+from typing import Any, Iterable, List, Optional, Set
 
 import rosbag
 from rospy import Time
@@ -39,8 +39,8 @@ class IndexedBag(rosbag.Bag):
         connections: Optional[Iterable[Any]] = None,
         start_time: Optional[Time] = None,
         end_time: Optional[Time] = None,
-    ) -> Iterator[Any]:
-        """Yield the entries of connections in the order of their times, within limits."""
+    ) -> Iterable[Any]:
+        """Return the entries of connections in the order of their times, within limits."""
         parts = []
         for index in self._get_indexes(connections):
             times = _Times(index)

@@ -8,8 +8,7 @@ from typing import Any, Dict, Mapping, Sequence
 
 from atom_core.commands import common
 from atom_core.errors import OutputError
-from atom_core.io.atomic import write_text_atomically
-from atom_core.io.dataset_json import dumps, relocated
+from atom_core.io.dataset_json import relocated, write_document
 from atom_core.io.paths import sibling
 from atom_core.io.together import written_together
 
@@ -59,7 +58,7 @@ def write_documents(
         there = {path: document for path, document in documents.items() if path.parent == folder}
         with written_together(folder, [path.name for path in there]):
             for path, document in there.items():
-                write_text_atomically(path, dumps(relocated(document, source.parent, folder)))
+                write_document(path, relocated(document, source.parent, folder))
         for path, document in there.items():
             print(described(path, document))
 

@@ -12,8 +12,7 @@ from atom_core.commands import common
 from atom_core.commands.dataset_output import beside, described, write_documents
 from atom_core.errors import OutputError
 from atom_core.evaluation.observed import NotMeasurableError, Observed
-from atom_core.io.atomic import write_text_atomically
-from atom_core.io.dataset_json import dumps, read_dataset
+from atom_core.io.dataset_json import read_dataset, write_document
 from atom_core.io.dataset_writer import initial_board_document
 from atom_core.model.dataset import Dataset, pose
 from atom_core.model.labels import DetectionKey, RgbLabel
@@ -46,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
         tail = f"; no camera tells it in {', '.join(without)}" if without else ""
         print(f"{name}: placed in {len(first) - len(without)} of {len(first)} collections{tail}")
     if args.in_place:
-        write_text_atomically(args.dataset, dumps(document))
+        write_document(args.dataset, document)
         print(described(args.dataset, document))
     else:
         target = args.output or beside(args.dataset, _ADDITION)

@@ -7,8 +7,7 @@ from pathlib import Path
 
 from atom_core.commands import common
 from atom_core.errors import DatasetError, OutputError
-from atom_core.io.atomic import write_text_atomically
-from atom_core.io.dataset_json import dumps, read_document
+from atom_core.io.dataset_json import read_document, write_document
 
 EXAMPLE = "python3 -m atom_core rename_atom_dataset -d data -n train"
 
@@ -46,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
         raise DatasetError(f"{args.dataset_path}: holds no dataset")
     for path, document in documents.items():
         metadata = {**(document.get("_metadata") or {}), "dataset_name": args.name}
-        write_text_atomically(path, dumps({**document, "_metadata": metadata}))
+        write_document(path, {**document, "_metadata": metadata})
     try:
         folder.rename(target)
     except OSError as error:

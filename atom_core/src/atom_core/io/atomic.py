@@ -4,17 +4,28 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import json
 import math
 import os
 import secrets
 from contextvars import ContextVar
 from pathlib import Path
-from typing import Any, List, Mapping, NamedTuple, Optional, Sequence, Tuple, Union
+from typing import (
+    Any,
+    BinaryIO,
+    Callable,
+    List,
+    Mapping,
+    NamedTuple,
+    Optional,
+    Sequence,
+    Tuple,
+    Union,
+)
 
 import numpy as np
 
 from atom_core.errors import OutputError
+from atom_core.io.json_writer import write_json
 
 PathLike = Union[str, "os.PathLike[str]"]
 
@@ -68,13 +79,27 @@ def write_bytes_atomically(path: PathLike, data: bytes) -> None:
     Raises:
         OutputError: the file cannot be written; an older one is intact.
     """
+    _write_atomically(path, lambda stream: stream.write(data))
+
+
+def write_pieces_atomically(path: PathLike, make: Callable[[Callable[[str], Any]], None]) -> None:
+    """Write text as UTF-8 while it is made; see `write_bytes_atomically`.
+
+    Args:
+        path: the file.
+        make: is given what takes the pieces of the text, one after the other.
+    """
+    _write_atomically(path, lambda stream: make(lambda text: stream.write(text.encode("utf-8"))))
+
+
+def _write_atomically(path: PathLike, fill: Callable[[BinaryIO], Any]) -> None:
     target = Path(os.path.realpath(path))
     if target.is_dir():
         raise output_error(path, OSError(errno.EISDIR, os.strerror(errno.EISDIR)))
     temporary = target.with_name(f".{target.name[:200]}.{secrets.token_hex(6)}.tmp")
     later = postponed.get()
     try:
-        _write_and_sync(temporary, target, data)
+        _write_and_sync(temporary, target, fill)
         if later is not None and target.parent == later.folder:
             later.renames.append((temporary, target))
             return
@@ -103,28 +128,24 @@ def copy_atomically(source: PathLike, target: PathLike) -> None:
     write_bytes_atomically(target, data)
 
 
-def write_json_atomically(
-    path: PathLike,
-    document: Any,
-    *,
-    sort_keys: bool = True,
-    indent: Optional[int] = 2,
-) -> None:
-    """Write a document as JSON; see `write_bytes_atomically`.
+def write_json_atomically(path: PathLike, document: Any, *, sort_keys: bool = True) -> None:
+    """Write a document as JSON, two spaces per level; see `write_bytes_atomically`.
 
     Args:
         path: the file.
         document: mappings, lists, numbers, texts; numpy numbers and arrays become plain ones.
         sort_keys: write keys in alphabetical order.
-        indent: spaces per level, None for one line.
 
     Raises:
         OutputError: the file cannot be written, or a number is not finite (the message names it).
     """
+
+    def make(write: Callable[[str], Any]) -> None:
+        write_json(document, write, sort_keys=sort_keys, allow_nan=False, default=_plain)
+        write("\n")
+
     try:
-        text = json.dumps(
-            document, sort_keys=sort_keys, indent=indent, allow_nan=False, default=_plain
-        )
+        write_pieces_atomically(path, make)
     except ValueError as error:
         place = _first_non_finite(document)
         if place is None:
@@ -133,7 +154,6 @@ def write_json_atomically(
             f"{path}: not written, because {'.'.join(place[0]) or 'the document'} is {place[1]} "
             f"and only finite numbers may be saved"
         ) from error
-    write_text_atomically(path, text + "\n")
 
 
 def prepare_output_folder(path: PathLike, overwrite: bool = False) -> Path:
@@ -187,13 +207,13 @@ def refuse_unwritable(folder: Path) -> None:
         raise output_error(folder, OSError(number, os.strerror(number)))
 
 
-def _write_and_sync(temporary: Path, target: Path, data: bytes) -> None:
+def _write_and_sync(temporary: Path, target: Path, fill: Callable[[BinaryIO], Any]) -> None:
     # O_EXCL and mode 0666: the user's umask decides, as for any file that a program creates.
     descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
     with os.fdopen(descriptor, "wb") as stream:
         if target.exists():
             os.fchmod(stream.fileno(), target.stat().st_mode & 0o7777)
-        stream.write(data)
+        fill(stream)
         stream.flush()
         os.fsync(stream.fileno())
 

@@ -18,9 +18,9 @@ import numpy as np
 
 from atom_core.errors import DatasetError, OutputError
 from atom_core.io import earlier_run
-from atom_core.io.atomic import prepare_output_folder, write_text_atomically
+from atom_core.io.atomic import prepare_output_folder
 from atom_core.io.caveats import document_with_caveats
-from atom_core.io.dataset_json import dumps
+from atom_core.io.dataset_json import write_document
 from atom_core.io.dataset_version import CURRENT_VERSION
 from atom_core.io.dataset_writer import DATASET_FILE
 from atom_core.io.json_text import load_json
@@ -179,7 +179,7 @@ class CollectionStore:
         """
         left_out = ("collections", "transforms")
         header = {key: value for key, value in document.items() if key not in left_out}
-        write_text_atomically(self._inside / HEADER_FILE, dumps(header))
+        write_document(self._inside / HEADER_FILE, header)
 
     def keep_caveats(self, caveats: Sequence[Caveat]) -> None:
         """Put what is in doubt into the header that is there.
@@ -200,7 +200,7 @@ class CollectionStore:
             "collection": collection.document,
             "transforms_initial": collection.initial_boards,
         }
-        write_text_atomically(self._inside / f"{collection.key}.json", dumps(document))
+        write_document(self._inside / f"{collection.key}.json", document)
 
     def delete(self, key: str) -> None:
         """Remove a collection and its data files.
@@ -242,7 +242,7 @@ class CollectionStore:
         """
         document, warnings = self.document()
         path = self.folder / DATASET_FILE
-        write_text_atomically(path, dumps(document))
+        write_document(path, document)
         return path, warnings
 
     def document(self) -> Tuple[Dict[str, Any], List[str]]:

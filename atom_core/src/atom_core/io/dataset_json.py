@@ -17,7 +17,7 @@ import numpy as np
 
 from atom_core.errors import AtomError, DatasetError
 from atom_core.geometry.camera import Camera
-from atom_core.io.atomic import write_text_atomically
+from atom_core.io.atomic import write_pieces_atomically
 from atom_core.io.board_links import with_boards_free
 from atom_core.io.camera_entries import (
     camera_of_entry,
@@ -43,6 +43,7 @@ from atom_core.io.dataset_version import check_version, newer_version
 from atom_core.io.earliest_layout import completed, is_before_version_2
 from atom_core.io.edge_types import edge_types
 from atom_core.io.json_text import load_json
+from atom_core.io.json_writer import write_json
 from atom_core.io.label_json import is_old_layout, says_detected, with_label
 from atom_core.io.paths import looked_for
 from atom_core.io.pattern_entries import pattern_of_entry, with_borders
@@ -393,6 +394,15 @@ def dumps(document: Mapping[str, Any]) -> str:
     return json.dumps(document, indent=2, sort_keys=True)
 
 
+def write_document(path: Path, document: Mapping[str, Any]) -> None:
+    """Write the text of a dataset (`dumps`) while it is made.
+
+    Raises:
+        OutputError: the file cannot be written; an older one is left as it was.
+    """
+    write_pieces_atomically(path, lambda write: write_json(document, write))
+
+
 def write_dataset(dataset: Dataset, path: Path, relabeled: Iterable[DetectionKey] = ()) -> None:
     """Write a dataset's JSON (not its data files, which stay where they are).
 
@@ -407,8 +417,8 @@ def write_dataset(dataset: Dataset, path: Path, relabeled: Iterable[DetectionKey
     Raises:
         OutputError: the file cannot be written; an older one is left as it was.
     """
-    document = relocated(document_of(dataset, relabeled), dataset.source.parent, Path(path).parent)
-    write_text_atomically(Path(path), dumps(document))
+    document = document_of(dataset, relabeled)
+    write_document(Path(path), relocated(document, dataset.source.parent, Path(path).parent))
 
 
 def relocated(document: Mapping[str, Any], home: Path, here: Path) -> Dict[str, Any]:

@@ -13,9 +13,9 @@ from typing import Any, Dict, Mapping, Optional, Tuple
 import numpy as np
 
 from atom_core.geometry.camera import Camera
-from atom_core.io.atomic import copy_atomically, prepare_output_folder, write_text_atomically
+from atom_core.io.atomic import copy_atomically, prepare_output_folder
 from atom_core.io.dataset_entries import joint_document, transform_document
-from atom_core.io.dataset_json import dumps
+from atom_core.io.dataset_json import write_document
 from atom_core.io.dataset_version import CURRENT_VERSION
 from atom_core.io.together import written_together
 from atom_core.model.dataset import Collection, Dataset, board_edge
@@ -103,7 +103,7 @@ def write_dataset_folder(
     with written_together(folder, [*names, DATASET_FILE]):
         for key, sensor in present:
             write_data_file(folder, sensor, key, dataset.data.read(key, sensor.name))
-        write_text_atomically(path, dumps(document))
+        write_document(path, document)
     return path
 
 
@@ -124,7 +124,7 @@ def write_with_copies(folder: Path, document: Mapping[str, Any], files: Mapping[
     with written_together(folder, [*files, DATASET_FILE]):
         for name, source in files.items():
             copy_atomically(source, folder / name)
-        write_text_atomically(path, dumps(document))
+        write_document(path, document)
     return path
 
 

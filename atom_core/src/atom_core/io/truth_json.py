@@ -37,7 +37,7 @@ def write_truth(truth: Truth, path: Path, more: Optional[Mapping[str, Any]] = No
     document = {**(more or {}), "version": VERSION, "edges": edges, "boards": boards}
     if truth.joints:
         document["joints"] = {name: dict(values) for name, values in truth.joints.items()}
-    write_json_atomically(Path(path), document, sort_keys=True, indent=2)
+    write_json_atomically(Path(path), document)
 
 
 def read_truth(path: Path) -> Truth:
