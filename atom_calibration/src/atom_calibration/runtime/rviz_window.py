@@ -13,6 +13,7 @@ import rospkg
 
 from atom_calibration.runtime import running
 from atom_core.commands.common import add_option
+from atom_core.commands.option_parser import OptionParser
 from atom_core.errors import OutputError
 from atom_core.io.atomic import write_text_atomically
 
@@ -56,8 +57,28 @@ def become_rviz(layout: Path, rest: Sequence[str]) -> NoReturn:
         raise OutputError(f"rviz cannot be started ({error.strerror}); is it installed?") from None
 
 
-def add_layout_option(parser: argparse.ArgumentParser) -> None:
-    """Add the option for a layout that is there already."""
+def rviz_parser(
+    name: str,
+    description: Optional[str],
+    example: str,
+    add_own: Callable[[argparse.ArgumentParser], None],
+) -> argparse.ArgumentParser:
+    """Return the parser of a program that becomes RViz.
+
+    Args:
+        name: of the program.
+        description: what it does.
+        example: what it can be called with.
+        add_own: adds its options; that for a layout follows them.
+    """
+    parser = OptionParser(
+        prog=name,
+        description=description,
+        allow_abbrev=False,
+        others_pass=True,
+        epilog=f"example: rosrun atom_calibration {name} {example}",
+    )
+    add_own(parser)
     add_option(
         parser,
         "layout",
@@ -65,6 +86,7 @@ def add_layout_option(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="a layout in place of the one that is made; it gets the frame that RViz keeps still",
     )
+    return parser
 
 
 def written_layout(name: str, text: str) -> Path:

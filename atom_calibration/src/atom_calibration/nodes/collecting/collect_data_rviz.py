@@ -14,13 +14,12 @@ from typing import Optional, Sequence
 from atom_calibration.configure.render import collecting_view
 from atom_calibration.runtime import options, running
 from atom_calibration.runtime.rviz_window import (
-    add_layout_option,
     become_rviz,
     main_of,
+    rviz_parser,
     written_layout,
 )
 from atom_calibration.sources.sensor_modality import modality_of_sensor
-from atom_core.commands.option_parser import OptionParser
 from atom_core.io.config_yaml import read_config
 
 NAME = "collect_data_rviz"
@@ -28,7 +27,8 @@ NAME = "collect_data_rviz"
 
 def main(argv: Optional[Sequence[str]] = None) -> int:
     """Become RViz; return an exit code only if that fails."""
-    return main_of(NAME, _parser(), _run, argv)
+    parser = rviz_parser(NAME, __doc__, "-cfg config.yml", options.add_config_option)
+    return main_of(NAME, parser, _run, argv)
 
 
 def _run(args: argparse.Namespace, rest: Sequence[str]) -> int:
@@ -47,16 +47,3 @@ def _run(args: argparse.Namespace, rest: Sequence[str]) -> int:
 
 def _warn(text: str) -> None:
     sys.stderr.write(f"{NAME}: {text}\n")
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = OptionParser(
-        prog=NAME,
-        description=__doc__,
-        allow_abbrev=False,
-        others_pass=True,
-        epilog=f"example: rosrun atom_calibration {NAME} -cfg config.yml",
-    )
-    options.add_config_option(parser)
-    add_layout_option(parser)
-    return parser

@@ -11,13 +11,12 @@ from typing import Optional, Sequence
 
 from atom_calibration.configure.render import correcting_view
 from atom_calibration.runtime.rviz_window import (
-    add_layout_option,
     become_rviz,
     main_of,
+    rviz_parser,
     written_layout,
 )
 from atom_core.commands.common import add_dataset_option
-from atom_core.commands.option_parser import OptionParser
 from atom_core.io.dataset_json import read_dataset
 
 NAME = "dataset_playback_rviz"
@@ -25,7 +24,8 @@ NAME = "dataset_playback_rviz"
 
 def main(argv: Optional[Sequence[str]] = None) -> int:
     """Become RViz; return an exit code only if that fails."""
-    return main_of(NAME, _parser(), _run, argv)
+    parser = rviz_parser(NAME, __doc__, "-json dataset.json", add_dataset_option)
+    return main_of(NAME, parser, _run, argv)
 
 
 def _run(args: argparse.Namespace, rest: Sequence[str]) -> int:
@@ -33,16 +33,3 @@ def _run(args: argparse.Namespace, rest: Sequence[str]) -> int:
     if args.layout:
         become_rviz(Path(args.layout), ["-f", dataset.world, *rest])
     become_rviz(written_layout("dataset_playback", correcting_view(dataset)), rest)
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = OptionParser(
-        prog=NAME,
-        description=__doc__,
-        allow_abbrev=False,
-        others_pass=True,
-        epilog=f"example: rosrun atom_calibration {NAME} -json dataset.json",
-    )
-    add_dataset_option(parser)
-    add_layout_option(parser)
-    return parser
