@@ -5,7 +5,8 @@ from typing import List
 
 import numpy as np
 
-from atom_core.io.pcd import ASCII, BINARY, BINARY_COMPRESSED, write_pcd
+from atom_core.io.pcd import write_pcd
+from atom_core.io.pcd_header import ASCII, BINARY, BINARY_COMPRESSED
 
 _MAX_LITERAL = 32
 _MAX_DISTANCE = 1 << 13

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from atom_core.errors import DatasetError, OutputError
-from atom_core.io.pcd import ENCODINGS, PointCloud, read_pcd, write_pcd
+from atom_core.io import pcd
+from atom_core.io.pcd import PointCloud, read_pcd, write_pcd
+from atom_core.io.pcd_header import ENCODINGS
 
 sys.path.insert(0, str(Path(__file__).parent))
 from pcd_encodings import write_encoded  # noqa: E402
@@ -157,6 +159,17 @@ def test_whole_numbers_of_64_bits_keep_every_digit_in_text(tmp_path):
     stamps = np.array([2**63 + 1, 2**64 - 1], dtype=np.uint64)
     write_encoded(tmp_path / "a.pcd", {"t": stamps}, "ascii")
     np.testing.assert_array_equal(read_pcd(tmp_path / "a.pcd").fields["t"], stamps)
+
+
+def test_sound_text_is_read_at_once_and_as_line_by_line(tmp_path, monkeypatch):
+    path = tmp_path / "a.pcd"
+    write_encoded(path, random_fields(np.random.default_rng(4), 500), "ascii")
+    at_once = read_pcd(path).fields
+    with monkeypatch.context() as patched:
+        patched.setattr(pcd, "_ascii_columns", lambda *_: None)
+        assert_same_fields(read_pcd(path).fields, at_once)
+    monkeypatch.setattr(pcd, "_read_ascii_by_line", None)
+    assert_same_fields(read_pcd(path).fields, at_once)
 
 
 def test_cloud_without_positions(tmp_path):

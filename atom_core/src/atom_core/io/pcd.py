@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple, Union
+from typing import Any, List, Mapping, Optional, Sequence, Tuple, Union
 
 import numpy as np
 
@@ -13,22 +13,20 @@ from atom_core.errors import DatasetError
 from atom_core.io import lzf
 from atom_core.io.atomic import PathLike, write_bytes_atomically
 from atom_core.io.paths import unread
-
-ASCII, BINARY, BINARY_COMPRESSED = "ascii", "binary", "binary_compressed"
-ENCODINGS = (ASCII, BINARY, BINARY_COMPRESSED)
-PADDING = "_"  # the name of fields that only fill gaps; there may be several
-_IDENTITY_VIEWPOINT = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
-_KEYS = (
-    *("VERSION", "FIELDS", "COLUMNS", "SIZE", "TYPE", "COUNT"),
-    *("WIDTH", "HEIGHT", "VIEWPOINT", "POINTS", "DATA"),
+from atom_core.io.pcd_header import (
+    ASCII,
+    BINARY,
+    DTYPES,
+    IDENTITY_VIEWPOINT,
+    PADDING,
+    DamagedError,
+    Field,
+    Header,
+    damaged,
+    parse_header,
 )
-_MAX_HEADER_LINES = 64
-_DTYPES = {
-    **{("F", size): np.dtype(f"<f{size}") for size in (4, 8)},
-    **{("I", size): np.dtype(f"<i{size}") for size in (1, 2, 4, 8)},
-    **{("U", size): np.dtype(f"<u{size}") for size in (1, 2, 4, 8)},
-}
-_TYPES = {dtype: type_and_size for type_and_size, dtype in _DTYPES.items()}
+
+_TYPES = {dtype: type_and_size for type_and_size, dtype in DTYPES.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +44,7 @@ class PointCloud:
     fields: Mapping[str, np.ndarray]
     width: int
     height: int
-    viewpoint: Tuple[float, ...] = _IDENTITY_VIEWPOINT
+    viewpoint: Tuple[float, ...] = IDENTITY_VIEWPOINT
     source: str = field(default="the cloud")
 
     def __post_init__(self) -> None:
@@ -82,40 +80,6 @@ class PointCloud:
         return np.stack([np.asarray(self.fields[a], dtype=np.float64) for a in "xyz"], axis=-1)
 
 
-@dataclass(frozen=True)
-class _Field:
-    name: str
-    dtype: np.dtype
-    count: int
-
-    @property
-    def bytes_per_point(self) -> int:
-        return self.dtype.itemsize * self.count
-
-    def shaped(self, values: np.ndarray) -> np.ndarray:
-        """Give values of all points the shape (n,) or (n, count), in a memory of their own."""
-        values = np.array(values, dtype=self.dtype.newbyteorder("="))
-        return values.reshape(-1) if self.count == 1 else values.reshape(-1, self.count)
-
-
-@dataclass(frozen=True)
-class _Header:
-    fields: Tuple[_Field, ...]
-    width: int
-    height: int
-    viewpoint: Tuple[float, ...]
-    encoding: str
-    lines: int
-
-    @property
-    def points(self) -> int:
-        return self.width * self.height
-
-    @property
-    def bytes_per_point(self) -> int:
-        return sum(f.bytes_per_point for f in self.fields)
-
-
 def read_pcd(path: PathLike) -> PointCloud:
     """Read a cloud.
 
@@ -137,10 +101,10 @@ def read_pcd(path: PathLike) -> PointCloud:
     except OSError as error:
         raise DatasetError(f"{path}: the cloud cannot be read ({unread(path, error)})") from error
     try:
-        header, body = _parse_header(data)
+        header, body = parse_header(data)
         read_body = {ASCII: _read_ascii, BINARY: _read_binary}.get(header.encoding, _read_lzf)
         fields = read_body(header, body)
-    except _DamagedError as error:
+    except DamagedError as error:
         raise DatasetError(f"{path}{error}") from error
     kept = {f.name: fields[i] for i, f in enumerate(header.fields) if f.name != PADDING}
     return PointCloud(kept, header.width, header.height, header.viewpoint, str(path))
@@ -172,128 +136,10 @@ def write_pcd(
     write_bytes_atomically(path, header + _binary_body(columns, len(cloud)))
 
 
-# --- header ---------------------------------------------------------------------------------
-
-
-class _DamagedError(Exception):
-    """What is wrong, beginning with its place in the file (': ...' or ':line: ...')."""
-
-
-def _damaged(message: str, line: Optional[int] = None) -> _DamagedError:
-    return _DamagedError(f": {message}" if line is None else f":{line}: {message}")
-
-
-def _parse_header(data: bytes) -> Tuple[_Header, bytes]:
-    """Return the header and the bytes after it."""
-    entries: Dict[str, Tuple[int, List[str]]] = {}
-    position, number = 0, 0
-    while "DATA" not in entries:
-        number += 1
-        end = data.find(b"\n", position)
-        if end < 0 or number > _MAX_HEADER_LINES:
-            what = "the header ends early" if entries else "this is not a PCD file"
-            raise _damaged(f"{what}: no line 'DATA ...' found; copy or record the file again")
-        words = _header_words(data[position:end], number)
-        position = end + 1
-        if words:
-            entries["FIELDS" if words[0] == "COLUMNS" else words[0]] = (number, words[1:])
-    return _header_from(entries, number), data[position:]
-
-
-def _header_words(line: bytes, number: int) -> List[str]:
-    """Return a line's words, none for a comment or an empty line."""
-    try:
-        words = line.split(b"#", 1)[0].decode("ascii").split()
-    except UnicodeDecodeError as error:
-        raise _damaged("the header is not text; this is not a PCD file", number) from error
-    if words and words[0] not in _KEYS:
-        if number == 1:  # of any file: what stands in it is nobody's business
-            raise _damaged("this is not a PCD file, whose header has other words", number)
-        raise _damaged(f"'{words[0][:40]}' is not a word of a PCD header", number)
-    return words
-
-
-def _header_from(entries: Mapping[str, Tuple[int, List[str]]], lines: int) -> _Header:
-    for key in ("FIELDS", "SIZE", "TYPE"):
-        if key not in entries:
-            raise _damaged(f"the header has no line '{key}'")
-    fields = _parse_fields(entries)
-    line, words = entries["DATA"]
-    if len(words) != 1 or words[0].lower() not in ENCODINGS:
-        raise _damaged(f"DATA is '{' '.join(words)}'; known are {', '.join(ENCODINGS)}", line)
-    width, height = _parse_size(entries)
-    return _Header(fields, width, height, _parse_viewpoint(entries), words[0].lower(), lines)
-
-
-def _parse_fields(entries: Mapping[str, Tuple[int, List[str]]]) -> Tuple[_Field, ...]:
-    line, names = entries["FIELDS"]
-    if not names:
-        raise _damaged("FIELDS names no field", line)
-    twice = [n for n in names if n != PADDING and names.count(n) > 1]
-    if twice:
-        raise _damaged(f"FIELDS names '{twice[0]}' twice", line)
-    sizes = _integers(entries, "SIZE", len(names))
-    counts = _integers(entries, "COUNT", len(names)) if "COUNT" in entries else [1] * len(names)
-    line, types = entries["TYPE"]
-    if len(types) != len(names):
-        raise _damaged(f"TYPE has {len(types)} entries for {len(names)} fields", line)
-    fields = []
-    for name, size, kind, count in zip(names, sizes, types, counts):
-        dtype = _DTYPES.get((kind.upper(), size))
-        if dtype is None:
-            raise _damaged(f"field '{name}' has type {kind} of {size} bytes, which is none", line)
-        if count < 1:
-            raise _damaged(f"field '{name}' has COUNT {count}", entries["COUNT"][0])
-        fields.append(_Field(name, dtype, count))
-    return tuple(fields)
-
-
-def _parse_size(entries: Mapping[str, Tuple[int, List[str]]]) -> Tuple[int, int]:
-    points = _integers(entries, "POINTS", 1)[0] if "POINTS" in entries else None
-    if "WIDTH" not in entries and points is None:
-        raise _damaged("the header has neither WIDTH nor POINTS")
-    width = _integers(entries, "WIDTH", 1)[0] if "WIDTH" in entries else points
-    height = _integers(entries, "HEIGHT", 1)[0] if "HEIGHT" in entries else 1
-    assert width is not None
-    for key, number in (("WIDTH", width), ("HEIGHT", height)):
-        if number < 0:
-            raise _damaged(f"{key} is {number}", entries[key][0] if key in entries else None)
-    if points is not None and points != width * height:
-        raise _damaged(
-            f"POINTS is {points}, but WIDTH x HEIGHT is {width} x {height} = {width * height}",
-            entries["POINTS"][0],
-        )
-    return width, height
-
-
-def _parse_viewpoint(entries: Mapping[str, Tuple[int, List[str]]]) -> Tuple[float, ...]:
-    if "VIEWPOINT" not in entries:
-        return _IDENTITY_VIEWPOINT
-    line, words = entries["VIEWPOINT"]
-    try:
-        numbers = tuple(float(word) for word in words)
-    except ValueError:
-        numbers = ()
-    if len(numbers) != 7:
-        raise _damaged(f"VIEWPOINT is '{' '.join(words)}', not 7 numbers", line)
-    return numbers
-
-
-def _integers(entries: Mapping[str, Tuple[int, List[str]]], key: str, expected: int) -> List[int]:
-    line, words = entries[key]
-    try:
-        numbers = [int(word) for word in words]
-    except ValueError as error:
-        raise _damaged(f"{key} is '{' '.join(words)}', not whole numbers", line) from error
-    if len(numbers) != expected:
-        raise _damaged(f"{key} has {len(numbers)} entries instead of {expected}", line)
-    return numbers
-
-
 # --- bodies: one array per field, padding included ---------------------------------------------
 
 
-def _read_binary(header: _Header, body: bytes) -> List[np.ndarray]:
+def _read_binary(header: Header, body: bytes) -> List[np.ndarray]:
     needed = header.points * header.bytes_per_point
     _check_length(header, len(body), needed)
     # Names by position: there may be several fields '_'.
@@ -304,21 +150,21 @@ def _read_binary(header: _Header, body: bytes) -> List[np.ndarray]:
     return [f.shaped(table[f"f{i}"]) for i, f in enumerate(header.fields)]
 
 
-def _read_lzf(header: _Header, body: bytes) -> List[np.ndarray]:
+def _read_lzf(header: Header, body: bytes) -> List[np.ndarray]:
     if len(body) < 8:
         _check_length(header, len(body), 8)
     packed_size, size = struct.unpack_from("<II", body)
     _check_length(header, len(body), 8 + packed_size)
     needed = header.points * header.bytes_per_point
     if size != needed:
-        raise _damaged(
+        raise damaged(
             f"the compressed body holds {size} bytes, but {header.points} points of "
             f"{header.bytes_per_point} bytes need {needed}"
         )
     try:
         table = lzf.decompress(body[8 : 8 + packed_size], size)
     except ValueError as error:
-        raise _damaged(str(error)) from error
+        raise damaged(str(error)) from error
     columns, start = [], 0
     for f in header.fields:  # field after field, unlike the plain binary encoding
         end = start + header.points * f.bytes_per_point
@@ -327,27 +173,55 @@ def _read_lzf(header: _Header, body: bytes) -> List[np.ndarray]:
     return columns
 
 
-def _check_length(header: _Header, there: int, needed: int) -> None:
+def _check_length(header: Header, there: int, needed: int) -> None:
     if there < needed:
-        raise _damaged(
+        raise damaged(
             f"the file is cut off: {needed - there} of {needed} bytes after the header are "
             f"missing ({header.points} points); copy or record it again"
         )
 
 
-def _read_ascii(header: _Header, body: bytes) -> List[np.ndarray]:
+def _read_ascii(header: Header, body: bytes) -> List[np.ndarray]:
+    return _ascii_columns(header, body) or _read_ascii_by_line(header, body)
+
+
+def _ascii_columns(header: Header, body: bytes) -> Optional[List[np.ndarray]]:
+    """Return the columns of a sound body; None where something is wrong with it, or odd."""
+    expected, words = sum(f.count for f in header.fields), []
+    for line in body.split(b"\n"):
+        there = line.split()
+        if there and len(there) != expected:
+            return None
+        words += there
+    if len(words) != header.points * expected:
+        return None
+    columns, start = [], 0
+    try:
+        for f in header.fields:
+            parse: Any = float if f.dtype.kind == "f" else int
+            of_each = [words[start + i :: expected] for i in range(f.count)]
+            parsed = [_fitting(list(map(parse, texts)), f.dtype) for texts in of_each]
+            columns.append(f.shaped(np.stack(parsed, axis=-1)))
+            start += f.count
+    except (ValueError, OverflowError):
+        return None
+    return columns
+
+
+def _read_ascii_by_line(header: Header, body: bytes) -> List[np.ndarray]:
+    """Read a body slowly, with the line of what is wrong with it."""
     try:
         lines = body.decode("ascii").split("\n")
     except UnicodeDecodeError as error:
         line = header.lines + 1 + body[: error.start].count(b"\n")
-        raise _damaged("the body of an ascii file holds other bytes", line) from error
+        raise damaged("the body of an ascii file holds other bytes", line) from error
     rows = [(header.lines + 1 + i, words) for i, words in enumerate(map(str.split, lines)) if words]
     expected = sum(f.count for f in header.fields)
     for line, words in rows:
         if len(words) != expected:
-            raise _damaged(f"{len(words)} values instead of {expected}", line)
+            raise damaged(f"{len(words)} values instead of {expected}", line)
     if len(rows) != header.points:
-        raise _damaged(f"{len(rows)} points, but the header says {header.points}")
+        raise damaged(f"{len(rows)} points, but the header says {header.points}")
     columns, start = [], 0
     for f in header.fields:
         parsed = [_parse_column(f, rows, start + i) for i in range(f.count)]
@@ -356,7 +230,7 @@ def _read_ascii(header: _Header, body: bytes) -> List[np.ndarray]:
     return columns
 
 
-def _parse_column(f: _Field, rows: Sequence[Tuple[int, List[str]]], column: int) -> np.ndarray:
+def _parse_column(f: Field, rows: Sequence[Tuple[int, List[str]]], column: int) -> np.ndarray:
     """Return one value of every row, in the field's type; out of its range is an error."""
     parse: Any = float if f.dtype.kind == "f" else int
     try:
@@ -368,7 +242,7 @@ def _parse_column(f: _Field, rows: Sequence[Tuple[int, List[str]]], column: int)
         try:
             _fitting([parse(words[column])], f.dtype)
         except (ValueError, OverflowError):
-            raise _damaged(
+            raise damaged(
                 f"'{words[column][:40]}' is not a value of field '{f.name}' ({f.dtype.name})", line
             ) from None
     raise AssertionError("unreachable: some row failed above")
