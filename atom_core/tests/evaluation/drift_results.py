@@ -7,6 +7,7 @@ import numpy as np
 from atom_core.evaluation import drift as module
 from atom_core.evaluation.drift import Drift, EdgeDrift
 from atom_core.evaluation.edge_errors import PoseError
+from atom_core.model.dataset import Dataset
 from atom_core.model.transforms import Edge
 
 LIMIT = 20.0
@@ -29,9 +30,15 @@ def result(reference, moved=(), still=(), **changes):
     return Drift((reference,), tuple(edges), **figures)
 
 
+def rig_of(sensors, collections=None, **additional_tfs):
+    """Return a dataset of sensors that have an edge, and additional tfs likewise, by name."""
+    config = SimpleNamespace(additional_tfs=additional_tfs)
+    return Dataset("new boards", config, sensors, {}, collections or {})
+
+
 def question(*names, collections=("0", "1", "2"), spreads=None):
     sensors = {name: SimpleNamespace(name=name, edge=edge_of(name)) for name in names}
-    standing = SimpleNamespace(sensors=sensors, collections=dict.fromkeys(collections))
+    standing = rig_of(sensors, dict.fromkeys(collections))
     return SimpleNamespace(
         standing=standing,
         spreads=spreads or {},

@@ -10,7 +10,7 @@ from scipy import stats
 
 sys.path.insert(0, str(Path(__file__).parent))  # drift_results, which tests share
 
-from drift_results import LIMIT, edge_drift, edge_of, replaced
+from drift_results import LIMIT, edge_drift, edge_of, replaced, rig_of
 
 from atom_core.evaluation import drift as module
 from atom_core.evaluation.changes import TOLD_M
@@ -35,7 +35,7 @@ def of_edge(
             ("b", ranging),
         )
     }
-    standing = SimpleNamespace(sensors=sensors, first_value=lambda edge: None)
+    standing = rig_of(sensors, {"0": SimpleNamespace(transforms={edge: None})})
     solved = SimpleNamespace(dataset=standing)
     replaced(monkeypatch, known_spread=lambda s, e: new, pose_error=lambda one, other: change)
     described = Spread(sigma**2 * np.eye(6), sigma**2 * np.eye(6), **spread)

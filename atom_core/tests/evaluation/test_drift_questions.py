@@ -1,11 +1,17 @@
 """How new boards are asked: what is held, which boards, and how exactly the rig was known."""
 
+import sys
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
 import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))  # drift_results, which tests share
+
+from drift_results import rig_of
 
 from atom_core.calibration.judge.judgement import INCONSISTENT
 from atom_core.calibration.options import OFF, CalibrationOptions
@@ -156,8 +162,7 @@ def answer(monkeypatch, solved, told=lambda name: True, spreads=None):
     """Return one answer of four sensors, and how exactly each edge's description is known."""
     sensors = {name: SimpleNamespace(name=name, edge=Edge("base", name)) for name in "abcd"}
     extra = SimpleNamespace(edge=Edge("base", "extra"))
-    config = SimpleNamespace(additional_tfs={"extra": extra, "twice": sensors["b"]})
-    rig = SimpleNamespace(sensors=sensors, config=config, source="new boards")
+    rig = rig_of(sensors, extra=extra, twice=sensors["b"])
     known = {}
 
     def one_edge(solved, standing, edge, described, limit):

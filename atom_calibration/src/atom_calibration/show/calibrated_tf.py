@@ -37,9 +37,7 @@ def transforms(
     dataset = estimate.dataset
     edges = dataset.collections[used[0] if collection is None else collection].transforms
     if mode == CALIBRATED:
-        mounts = [sensor.edge for sensor in dataset.sensors.values()]
-        extra = [entry.edge for entry in dataset.config.additional_tfs.values()]
-        edges = {edge: edges[edge] for edge in [*mounts, *extra] if edge in edges}
+        edges = {edge: edges[edge] for edge in dataset.calibrated_edges if edge in edges}
     return [_message(edge, matrix) for edge, matrix in edges.items()]
 
 

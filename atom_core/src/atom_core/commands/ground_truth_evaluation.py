@@ -95,8 +95,7 @@ def why_not_measured(edge: Edge) -> str:
 
 def warn_of_what_is_not_calibrated(dataset: Dataset, one: str, other: str) -> None:
     """Print a warning where no edge between two frames is one that a calibration may change."""
-    edges = {sensor.edge for sensor in dataset.sensors.values()}
-    edges |= {additional_tf.edge for additional_tf in dataset.config.additional_tfs.values()}
+    edges = set(dataset.calibrated_edges)
     for collection in dataset.collections.values():
         edges |= {joint.edge for joint in collection.joints.values()}
     if not any(edge in edges for edge, _ in dataset.graph.chain(one, other)):

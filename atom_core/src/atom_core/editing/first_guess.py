@@ -174,8 +174,8 @@ def values_from_dataset(path: Path) -> PlacedSensors:
     """
     dataset = read_dataset(path)
     placed = sensors_from_data(dataset)
-    edges = (sensor.edge for sensor in dataset.sensors.values())
-    return PlacedSensors({e: placed.dataset.first_value(e) for e in edges}, placed.remarks)
+    edges = {edge: placed.dataset.first_value(edge) for edge in dataset.sensor_edges}
+    return PlacedSensors(edges, placed.remarks)
 
 
 def _editable(

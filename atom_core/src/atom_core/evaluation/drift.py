@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
+from typing import Dict, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -150,7 +150,7 @@ def drift(
             f"{dataset.source}: {len(used)} collection(s) with a board; whether the rig has moved "
             f"takes {FEWEST_BOARDS} or more"
         )
-    edges = {edge: described[edge] for edge in _edges(dataset) if edge in described}
+    edges = {edge: described[edge] for edge in dataset.calibrated_edges if edge in described}
     standing = dataset.with_transforms(dict.fromkeys(dataset.collections, edges))
     asked = Question(standing, with_common_scatter(standing, spreads), known_errors, moving)
     first = _drift(asked, ())
@@ -180,7 +180,7 @@ def _rests_on(asked: Question) -> Optional[str]:
 
 def _told_apart(asked: Question, first: Drift) -> Drift:
     """Return who moved, by what each sensor alone and all together tell."""
-    edges = list(dict.fromkeys(sensor.edge for sensor in asked.standing.sensors.values()))
+    edges = list(asked.standing.sensor_edges)
     if len(edges) < FEWEST_ALONE:  # two sensors: holding one is all that can be done
         return _blamed(asked, first)
     limit = limit_of(len(edges))
@@ -290,12 +290,6 @@ def _or_none(asked: Question, held: str) -> Optional[Drift]:
         return None
 
 
-def _edges(dataset: Dataset) -> List[Edge]:
-    edges = [sensor.edge for sensor in dataset.sensors.values()]
-    edges += [entry.edge for entry in dataset.config.additional_tfs.values()]
-    return list(dict.fromkeys(edges))
-
-
 def _drift(asked: Question, held: Sequence[str]) -> Drift:
     standing, spreads = asked.standing, asked.spreads
     solved = calibrate(standing, asked.options(held))
@@ -305,7 +299,8 @@ def _drift(asked: Question, held: Sequence[str]) -> Drift:
             f"{standing.source}: the new boards alone cannot be solved ({solved.message}); collect "
             f"others, and see what `check` says of them"
         )
-    estimated = [edge for edge in _edges(standing) if edge_spread(solved, edge) is not None]
+    every = standing.calibrated_edges
+    estimated = [edge for edge in every if edge_spread(solved, edge) is not None]
     limit = limit_of(len(estimated))
     of_reference = _reference_spread(standing, spreads, anchored)
     edges = tuple(
@@ -339,12 +334,12 @@ def _edge_drift(
     by_new = scatter_of(described) * new.of_model
     covariance = joint_covariance(described, Spread(by_new, by_new))
     change = pose_error(standing.first_value(edge), solved.dataset.first_value(edge))
-    measures_range = any(s.kind.measures_range for s in standing.sensors.values() if s.edge == edge)
+    names = standing.sensors_on(edge)
+    measures_range = any(standing.sensors[name].kind.measures_range for name in names)
     freedom = _freedom(described) if measures_range else np.inf
     square = rarity(change, covariance, freedom)
     usual = covariance + described.usual + new.usual
     trifle = change.translation_m < LEAST_M and change.rotation_rad < LEAST_RAD
-    names = tuple(s.name for s in standing.sensors.values() if s.edge == edge)
     found = EdgeDrift(
         edge,
         names,

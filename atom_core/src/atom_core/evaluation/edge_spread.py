@@ -80,7 +80,7 @@ def known_spread(calibration: Calibration, edge: Edge) -> Spread:
     of_model = edge_spread(calibration, edge, calibration.covariance.of_model)
     if stated is None or of_model is None:
         return NO_SPREAD
-    names = {name for name, sensor in calibration.dataset.sensors.items() if sensor.edge == edge}
+    names = calibration.dataset.sensors_on(edge)
     detections = sum(key.sensor in names for key in calibration.problem.detections)
     combined = edge_spread(calibration, edge, calibration.covariance.combined)
     usual = NO_SPREAD.usual

@@ -54,9 +54,7 @@ def frame_errors(found: Dataset, true: Dataset, target: str, frame: str) -> Dict
 
 def calibrated_frames(dataset: Dataset) -> List[str]:
     """Return the children of the edges of sensors and additional tfs, each once."""
-    edges = [sensor.edge for sensor in dataset.sensors.values()]
-    edges += [entry.edge for entry in dataset.config.additional_tfs.values()]
-    return list(dict.fromkeys(edge.child for edge in edges))
+    return list(dict.fromkeys(edge.child for edge in dataset.calibrated_edges))
 
 
 def by_rotation_vector(found_T_true: np.ndarray) -> FrameError:

@@ -51,7 +51,7 @@ def calibrated_edges(train: Dataset, test: Dataset) -> Dict[Edge, np.ndarray]:
         DatasetError: an edge is in no collection of the train file.
     """
     values: Dict[Edge, np.ndarray] = {}
-    of_sensors = {sensor.edge for sensor in test.sensors.values()}
+    of_sensors = test.sensor_edges
     for edge in _estimated(train, test):
         found = [c.transforms[edge] for c in train.collections.values() if edge in c.transforms]
         is_multiple = MULTIPLE in (train.edge_types.get(edge), test.edge_types.get(edge))

@@ -15,8 +15,7 @@ from atom_core.model.transforms import Edge
 
 def own_edges(train: Dataset, test: Dataset) -> FrozenSet[Edge]:
     """Return the additional tfs that were estimated, and are the test set's own nevertheless."""
-    of_sensors = {sensor.edge for sensor in test.sensors.values()}
-    return frozenset(not_measured(train, test)) - of_sensors
+    return frozenset(not_measured(train, test)).difference(test.sensor_edges)
 
 
 def own_edge_between(

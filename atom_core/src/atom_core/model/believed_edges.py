@@ -38,7 +38,7 @@ def edges_apart(dataset: Dataset, others: Mapping[Edge, np.ndarray]) -> List[Edg
         dataset: of it those edges that are not estimated and never move.
         others: ``parent_T_child`` (4, 4) by edge; edges that are not in it are passed over.
     """
-    estimated = {sensor.edge for sensor in dataset.sensors.values()}
+    estimated = set(dataset.sensor_edges)
     estimated |= {edge for _, edge in dataset.config.estimated_edges}
     believed = {
         edge: sensors

@@ -97,6 +97,21 @@ class Dataset:
             edges[board_edge(pattern)] = None
         return FrameGraph(edges)
 
+    @property
+    def sensor_edges(self) -> Tuple[Edge, ...]:
+        """The sensors' edges, each once, in the order of the sensors."""
+        return tuple(dict.fromkeys(sensor.edge for sensor in self.sensors.values()))
+
+    @property
+    def calibrated_edges(self) -> Tuple[Edge, ...]:
+        """The sensors' edges, and behind them those of the additional tfs, each once."""
+        additional = (entry.edge for entry in self.config.additional_tfs.values())
+        return tuple(dict.fromkeys([*self.sensor_edges, *additional]))
+
+    def sensors_on(self, edge: Edge) -> Tuple[str, ...]:
+        """Return the names of the sensors whose edge is this one."""
+        return tuple(name for name, sensor in self.sensors.items() if sensor.edge == edge)
+
     def detections(self) -> Iterator[Tuple[DetectionKey, Label]]:
         """Yield every detection, by collection, then sensor, then pattern."""
         for collection in self.collections.values():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Dict, Iterable, List, Mapping, Optional, Tuple
+from typing import Dict, Iterable, Mapping, Optional, Tuple
 
 import numpy as np
 
@@ -70,7 +70,7 @@ def truth_of(dataset: Dataset) -> Truth:
     """Return what a dataset says of its calibrated edges, joints and boards, as the truth."""
     constant: Dict[Edge, np.ndarray] = {}
     moving: Dict[Tuple[Edge, str], np.ndarray] = {}
-    for edge in _calibrated_edges(dataset):
+    for edge in dataset.calibrated_edges:
         values = {
             key: collection.transforms[edge]
             for key, collection in dataset.collections.items()
@@ -88,11 +88,6 @@ def truth_of(dataset: Dataset) -> Truth:
     }
     joints = {n: j.parameters for c in dataset.collections.values() for n, j in c.joints.items()}
     return Truth(constant, boards, moving, joints)
-
-
-def _calibrated_edges(dataset: Dataset) -> List[Edge]:
-    edges = [sensor.edge for sensor in dataset.sensors.values()]
-    return list(dict.fromkeys([*edges, *(e.edge for e in dataset.config.additional_tfs.values())]))
 
 
 def _is_one(values: Iterable[np.ndarray]) -> bool:

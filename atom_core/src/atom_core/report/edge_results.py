@@ -89,8 +89,7 @@ def selected_edges(calibration: Calibration) -> Dict[Edge, np.ndarray]:
     Of an edge with a value for each collection, the first.
     """
     dataset = calibration.dataset
-    edges = [s.edge for s in dataset.sensors.values()]
-    edges += list(calibration.free.additional_tfs.values())
+    edges = [*dataset.sensor_edges, *calibration.free.additional_tfs.values()]
     return {edge: dataset.first_value(edge) for edge in edges}
 
 
@@ -108,7 +107,7 @@ def edge_result(calibration: Calibration, edge: Edge) -> EdgeResult:
 
     return EdgeResult(
         edge,
-        tuple(s.name for s in dataset.sensors.values() if s.edge == edge),
+        dataset.sensors_on(edge),
         edge in calibration.free.held_edges(dataset),
         dataset.first_value(edge),
         sigma(calibration.covariance),

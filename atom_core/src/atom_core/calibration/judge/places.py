@@ -7,7 +7,7 @@ was known of the rig beforehand tells.
 from __future__ import annotations
 
 from itertools import combinations
-from typing import Dict, List, NamedTuple, Sequence, Tuple
+from typing import List, NamedTuple, Sequence, Tuple
 
 import numpy as np
 
@@ -46,15 +46,12 @@ def displaced(described: Dataset, dataset: Dataset) -> List[Displaced]:
         described: the dataset as it was given.
         dataset: the answer.
     """
-    sensors: Dict[Edge, List[str]] = {}
-    for name, sensor in dataset.sensors.items():
-        sensors.setdefault(sensor.edge, []).append(name)
     found = []
-    for edge, names in sensors.items():
+    for edge in dataset.sensor_edges:
         before, after = described.first_value(edge), dataset.first_value(edge)
         shift_m, turn_rad = se3.pose_difference(before, after)
         if (shift_m > FAR_M or turn_rad > FAR_RAD) and not np.array_equal(before, np.eye(4)):
-            found.append(Displaced(edge, tuple(names), shift_m, turn_rad))
+            found.append(Displaced(edge, dataset.sensors_on(edge), shift_m, turn_rad))
     return found
 
 

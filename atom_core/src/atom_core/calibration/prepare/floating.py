@@ -80,7 +80,7 @@ def _parts(dataset: Dataset, measurements: Sequence[Measurement], free: FreeEdge
 
 def _follows(dataset: Dataset, free: FreeEdges, edge: Edge) -> bool:
     """Tell whether an additional tf is estimated in each collection, with nothing known of it."""
-    of_sensors = {sensor.edge for sensor in dataset.sensors.values()}
+    of_sensors = dataset.sensor_edges
     one_each = dataset.edge_types.get(edge) == MULTIPLE
     return one_each and not (edge in of_sensors or edge in free.priors or edge in free.held_first)
 

@@ -27,8 +27,8 @@ def disturbed(
     they must be derived again from the disturbed sensors, or they would carry the truth over.
     """
     held = free.held_edges(dataset)
-    of_sensors = [s.edge for s in dataset.sensors.values()]
-    edges = of_sensors + list(free.additional_tfs.values())
+    of_sensors = dataset.sensor_edges
+    edges = [*of_sensors, *free.additional_tfs.values()]
     changes: Dict[str, Dict[Edge, np.ndarray]] = {key: {} for key in dataset.collections}
     for edge in dict.fromkeys(e for e in edges if e not in held):
         move = se3.random_move(translation_m, rotation_rad, rng)

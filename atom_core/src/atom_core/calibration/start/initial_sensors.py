@@ -191,7 +191,7 @@ class _Growth:
     def _give_up(self) -> None:
         for edge in self.edges:
             if edge not in self.known:
-                names = [s.name for s in self.dataset.sensors.values() if s.edge == edge]
+                names = self.dataset.sensors_on(edge)
                 self.remarks.append(
                     f"sensor '{', '.join(names)}': the data alone do not tell where it stands; it "
                     f"starts from the description (more collections with other sensors or other "
