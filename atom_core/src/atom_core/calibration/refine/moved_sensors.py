@@ -31,7 +31,9 @@ from atom_core.calibration.refine.steps import (
     Step,
     all_steps,
     order_of,
+    rests_on,
     shared_parts,
+    step_at,
     step_between,
 )
 from atom_core.calibration.start.boards import solved_dataset
@@ -137,7 +139,47 @@ class Misplaced(NamedTuple):
         )
 
 
-Motion = Union[Moved, Misplaced, Refocused]
+class OnceElsewhere(NamedTuple):
+    """A sensor, a fixed board or an arm's base that stands elsewhere in one stop alone.
+
+    Attributes:
+        names: it, and others that explain it as well.
+        first, last: the collections of the stop; mostly one.
+        translation_m, rotation_rad: by how much.
+        gain: as of `Moved`.
+        or_moved: a move that explains it as well.
+    """
+
+    names: Tuple[str, ...]
+    first: str
+    last: str
+    translation_m: float
+    rotation_rad: float
+    gain: float
+    or_moved: Optional[Moved]
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether no single error explains nearly as much: else it is not told."""
+        return True
+
+    @property
+    def why(self) -> str:
+        """One sentence for the user."""
+        one = " or ".join(self.names)
+        where = f"collection {self.first}"
+        if self.last != self.first:
+            where = f"collections {self.first} to {self.last}"
+        far = f"{1e3 * self.translation_m:.2g} mm and {np.degrees(self.rotation_rad):.2g} deg"
+        rival = "" if self.or_moved is None else f"; or {self.or_moved.why}"
+        return (
+            f"{one} seems to be elsewhere in {where} alone, by {far}, which does not tell a wrong "
+            f"label from a move: look at the labels there, and correct them, or leave it out "
+            f"(-csf '!{self.first}'){rival}"
+        )
+
+
+Motion = Union[Moved, OnceElsewhere, Misplaced, Refocused]
 
 
 def moved_sensors(
@@ -166,30 +208,71 @@ def moved_sensors(
     equations = solver.equations(summary.x, summary.sigmas, loss)
     problem, x, stops = solver.problem, summary.x, solution.stops
     shares = shares_of(problem, summary.sigmas, solution.common, solution.repeated)
-    with_common = tempered(problem, equations, shares, x)
-    cautious = _motions(dataset, problem, x, with_common, solution.cautious, stops)
-    best = _clearest(cautious, _unplaced(dataset, problem))
+    said = tempered(problem, equations, shares, x)
+    cautious = _motions(dataset, problem, x, said, solution.cautious, stops)
+    best, limit = _clearest(cautious, _unplaced(dataset, problem))
     refocused = changed_focus(dataset, solution, cautious, best, others)
     if refocused is not None or not best:
         return refocused
     name, step = _most_telling(best)
     shares = shares_of(problem, summary.sigmas, summary.common or [0.0] * len(shares))
-    as_weighted = tempered(problem, equations, shares, x)
-    again = _motions(dataset, problem, x, as_weighted, solution.equations, stops)
+    said = tempered(problem, equations, shares, x)  # as weighted
+    again = _motions(dataset, problem, x, said, solution.equations, stops)
     found = step_between(again, name, step.last, step.first, step.creeps)
-    explained = max((check.gain for check in others), default=0.0)
     if found is None:
         return None
+    explained = max((check.gain for check in others), default=0.0)
     is_clear = found.gain >= MORE * explained + BY_CHANCE
     if not is_clear and not (step.is_of_all and found.gain > ALIKE * explained + BY_CHANCE):
         return None
-    alike = [n for n, s in best.items() if n != name and s.gain > ALIKE * step.gain]
-    shift, turn = _sizes(found.value)
-    names, how = (name, *alike), (step.stood_still, step.creeps)
+    names = (name, *(n for n, s in best.items() if n != name and s.gain > ALIKE * step.gain))
+    far = (*_sizes(found.value), found.gain)
     if step.is_of_all:
-        return Misplaced(names, _beside(dataset, name), shift, turn, found.gain, is_clear)
+        return Misplaced(names, _beside(dataset, name), *far, is_clear)
     order = order_of_places(dataset, problem, x, names) if step.creeps else ""
-    return Moved(names, *cautious.places(step), shift, turn, found.gain, *how, order)
+    moved = Moved(names, *cautious.places(step), *far, step.stood_still, step.creeps, order)
+    return _or_once(again, _at_one_stop(cautious, name, step, limit), step, moved)
+
+
+def _at_one_stop(motions: Changes, name: str, step: Step, limit: float) -> Dict[str, Step]:
+    """Return what explains a step as well at one stop alone, by name, the best of it first.
+
+    Args:
+        motions: of sensors and boards.
+        name: of what has the step.
+        step: between two collections.
+        limit: of the chance up to which a step is clear.
+    """
+    best: Dict[str, Step] = {}
+    for stop in rests_on(motions, name, step, limit):
+        each = {other: step_at(motions, other, stop) for other in motions.columns}
+        told = {other: at for other, at in each.items() if at is not None}
+        most = max((at.gain for at in told.values()), default=0.0)
+        if most > max([ALIKE * step.gain, *(at.gain for at in best.values())]):
+            alike = {other: at for other, at in told.items() if at.gain > ALIKE * most}
+            first, _ = _most_telling(alike)
+            best = {first: alike.pop(first), **alike}
+    return best
+
+
+def _or_once(
+    again: Changes, once: Mapping[str, Step], step: Step, moved: Moved
+) -> Union[OnceElsewhere, Moved]:
+    """Return a move, or what is elsewhere at one stop instead, with the move if it is as good.
+
+    Args:
+        again: the motions as weighted.
+        once: what explains the step at one stop, by name, the best of it first.
+        step: the move's.
+        moved: it.
+    """
+    name, best = next(iter(once.items()), ("", step))
+    found = step_at(again, name, best.first) if once else None
+    if found is None:
+        return moved
+    where = again.keys[best.first], again.ends[best.first]
+    rival = moved if step.gain > ALIKE * best.gain else None
+    return OnceElsewhere(tuple(once), *where, *_sizes(found.value), found.gain, rival)
 
 
 def _unplaced(dataset: Dataset, problem: Problem) -> List[str]:
@@ -294,8 +377,10 @@ def _by_bases(dataset: Dataset, problem: Problem, x: np.ndarray) -> Dict[str, np
     return found
 
 
-def _clearest(motions: Changes, unplaced: Sequence[str]) -> Dict[str, Step]:
+def _clearest(motions: Changes, unplaced: Sequence[str]) -> Tuple[Dict[str, Step], float]:
     """Return the step of each sensor and board that explains most, of those that are clear.
+
+    With them, the chance up to which one is clear.
 
     Args:
         motions: of sensors and boards.
@@ -316,7 +401,7 @@ def _clearest(motions: Changes, unplaced: Sequence[str]) -> Dict[str, Step]:
         for name, step in always.items()
         if step is not None and step.chance < limit and _is_likely(step.value) and step.gain > most
     }
-    return clear_always or best  # a move is told where no place explains it as well
+    return clear_always or best, limit  # a move is told where no place explains it as well
 
 
 def _most_telling(steps: Mapping[str, Step]) -> Tuple[str, Step]:

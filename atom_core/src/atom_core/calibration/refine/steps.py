@@ -14,12 +14,13 @@ from scipy import special
 
 from atom_core.model.dataset import Dataset
 from atom_core.solvers.detection_columns import CollectionColumns
-from atom_core.solvers.shared_equations import SharedEquations
+from atom_core.solvers.shared_equations import SharedEquations, inverse
 
 CHANCE = 0.01  # of telling a change where there is none, all of a calibration together
 FEWEST = 3  # collections before and after
 MORE, BY_CHANCE = 1.2, 30.0  # times what single errors explain, and what the choice among many does
 ALIKE = 0.9  # part of the gain with which another change explains it as well
+_REST = 0.5  # part of a gain that a change keeps without any one stop, or it rests on that one
 _SEEN = 1e-6  # part of its information that other numbers must leave a direction
 _LOOSE = 5.0  # so much more than noise, or so little beside the step, differ the collections
 
@@ -78,6 +79,20 @@ class Changes(NamedTuple):
             return self.keys[step.last], self.ends[step.first]
         return self.ends[step.last], self.keys[step.first]
 
+    def without(self, stop: int) -> Changes:
+        """Return the changes as all stops have them but one, by its index."""
+        others = (np.arange(len(self.keys)) != stop).astype(float)
+        each = others[:, None, None]
+        columns = {
+            name: CollectionColumns(
+                own.cross * each, own.information * each, own.gradient * others[:, None]
+            )
+            for name, own in self.columns.items()
+        }
+        left = inverse(inverse(self.inverse_of_all) - self.of_shared[stop])
+        of_shared, gradient = self.of_shared * each, self.gradient * others[:, None]
+        return Changes(self.keys, self.ends, columns, left, of_shared, gradient)
+
 
 class Step(NamedTuple):
     """A change of k numbers between two collections.
@@ -112,6 +127,9 @@ class Step(NamedTuple):
     def stood_still(self) -> bool:
         """Whether collections are alike before it, and after it; else it is one of many."""
         return self.spread < max(_LOOSE * self.freedom, self.gain / _LOOSE)
+
+
+_UNKNOWN = (np.zeros(0), 0.0, 0.0, 0, 1.0)  # value, gain, spread, freedom and chance of a step
 
 
 def all_steps(changes: Changes) -> Tuple[Dict[str, List[Step]], int]:
@@ -197,9 +215,45 @@ def step_between(
         first: likewise.
         creeps: little by little from the one to the other.
     """
+    shares = _shares(len(changes.keys), last, first, creeps)
+    return _step_of(changes, name, shares, Step(last, first, *_UNKNOWN, creeps))
+
+
+def rests_on(changes: Changes, name: str, step: Step, limit: float) -> List[int]:
+    """Return the indices of the stops without any one of which a clear step would be none.
+
+    Args:
+        changes: with its columns.
+        name: of what changes.
+        step: between two collections.
+        limit: of the chance up to which a step is clear.
+    """
+    found = []
+    for stop in _telling(changes.columns[name]).tolist():
+        left = step_between(changes.without(stop), name, step.last, step.first, step.creeps)
+        if left is None or (left.gain < _REST * step.gain and left.chance >= limit):
+            found.append(int(stop))
+    return found
+
+
+def step_at(changes: Changes, name: str, stop: int) -> Optional[Step]:
+    """Return a change at one stop alone, by its index; None: the data do not tell it."""
+    shares = (np.arange(len(changes.keys)) == stop).astype(float)
+    return _step_of(changes, name, shares, Step(stop, stop, *_UNKNOWN, creeps=False))
+
+
+def _step_of(changes: Changes, name: str, shares: np.ndarray, step: Step) -> Optional[Step]:
+    """Return a step with all that the data tell of it; None: they do not, or it is chance.
+
+    Args:
+        changes: with its columns.
+        name: of what changes.
+        shares: (g,) which part of the change each stop has.
+        step: between which stops it is.
+    """
     whole = changes.columns[name]
     size = whole.information.shape[-1]
-    columns = _weighted(whole, _shares(len(changes.keys), last, first, creeps))
+    columns = _weighted(whole, shares)
     crossed = columns.cross.sum(axis=0)
     follow = changes.inverse_of_all @ crossed
     total = columns.information.sum(axis=0) - crossed.T @ follow
@@ -215,7 +269,7 @@ def step_between(
     spread = _spread_of(changes, columns, follow, value)
     ratio = gain / size / max(spread / freedom, 1.0)
     chance = float(special.fdtrc(size, freedom, ratio))
-    return Step(last, first, value, gain, spread, freedom, chance, creeps)
+    return step._replace(value=value, gain=gain, spread=spread, freedom=freedom, chance=chance)
 
 
 def _weighted(columns: CollectionColumns, shares: np.ndarray) -> CollectionColumns:
