@@ -314,7 +314,7 @@ def _why_not(cut: Cut, border: Rectangle, options: Lidar2dOptions) -> str:
     if length > most + 0.02 + _SIGMAS * cut.sigma_m:
         return (
             f"the line there is {length:.2f} m long or longer, the board's diagonal only "
-            f"{most:.2f} m"
+            f"{most:.2f} m; a board less than 0.1 m before a wall is not told from it"
         )
     if points < options.least_points:
         return f"only {points} returns lie on the line there; {options.least_points} are needed"
@@ -333,7 +333,11 @@ def _why_not(cut: Cut, border: Rectangle, options: Lidar2dOptions) -> str:
     if not any(end.is_free for end in cut.ends):
         return "neither end of the line there is an edge with something farther beyond it"
     if any(end.attached for end in cut.ends):
-        return "another surface begins where the line there ends, as on a box"
+        return (
+            "another surface begins where the line there ends, as on a box, at a hand that holds a "
+            "board, or at a wall right behind it: keep hands out of the scan, and the board 0.2 m "
+            "before what is behind it"
+        )
     if _goes_on(cut):
         return "the line there goes on beyond its ends, as a wall does"
     return ""

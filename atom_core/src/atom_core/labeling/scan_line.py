@@ -30,6 +30,8 @@ _RESUMED = 4  # returns on the line beyond something that hides part of it
 _LOOK_BEYOND = 3  # beams beyond an end; up to two may have met both the board and what is behind
 _JUMP_M, _JUMP_SIGMAS = 0.05, 5.0
 _CHAIN_M = 0.15  # between neighbors of a surface that begins where the line ends
+_GRIP_M, _LEAST_GRIP = 0.15, 3  # along the line, and returns, of a hand at an end of a board
+_GRIP_OFF_M, _GRIP_SIGMAS = 0.010, 3.5  # of their mean, off the line through all others
 
 
 class Line(NamedTuple):
@@ -86,6 +88,8 @@ class Cut:
         sigma_m: noise along the beam, from the returns.
         residual_m: (n,) along the beam, positive behind the line.
         along_m: (n,) positions along the line [m], from the foot of the perpendicular.
+        outer: first and last position in ``beams`` of what is on the line; farther out than the
+            members where a hand, or another thing a little off the line, is at an end.
     """
 
     beams: Beams
@@ -94,6 +98,7 @@ class Cut:
     sigma_m: float
     residual_m: np.ndarray
     along_m: np.ndarray
+    outer: Tuple[int, int]
 
     @cached_property
     def ends(self) -> Tuple[End, End]:
@@ -224,9 +229,14 @@ def cut_along(
     if kept != slice(0, len(members)):
         members = members[kept]
         line = fit_line(beams, members)
-        off = behind_line(beams, line, members)
-        sigma = _sigma(off, sigma_m)
-    return Cut(beams, members, line, sigma, off, along_line(beams, line, members))
+    outer = (int(members[0]), int(members[-1]))
+    held = _without_grips(beams, members, sigma)
+    if held != slice(0, len(members)):
+        members = members[held]
+        line = fit_line(beams, members)
+    off = behind_line(beams, line, members)
+    sigma = _sigma(off, sigma_m)
+    return Cut(beams, members, line, sigma, off, along_line(beams, line, members), outer)
 
 
 def _without_mixed(off: np.ndarray, sigma_m: float) -> slice:
@@ -239,6 +249,45 @@ def _without_mixed(off: np.ndarray, sigma_m: float) -> slice:
             break
         beyond -= 1
     return slice(first, beyond)
+
+
+def _without_grips(beams: Beams, members: np.ndarray, sigma_m: float) -> slice:
+    """Return the part of a cut without what its ends hold that is a little off its line: a hand.
+
+    The line is that through all that is farther from the ends than a hand is wide.
+    """
+    whole = slice(0, len(members))
+    along = along_line(beams, fit_line(beams, members), members)
+    middle = (along > along[0] + _GRIP_M) & (along < along[-1] - _GRIP_M)
+    count = int(np.count_nonzero(middle))
+    if count < 2 * _LEAST_FIRST:
+        return whole
+    line = fit_line(beams, members[middle])
+    off = behind_line(beams, line, members)
+    spread = max(float(np.ptp(along[middle])), 0.05)
+    from_middle = (along - along[middle].mean()) / spread
+    variance = (1.0 + 12.0 * from_middle**2) / count  # of the line, there
+    first = _grip(off[~middle & (from_middle < 0)], variance, sigma_m)
+    last = _grip(off[~middle & (from_middle > 0)][::-1], variance[::-1], sigma_m)
+    return slice(first, len(members) - last)
+
+
+def _grip(off: np.ndarray, variance: np.ndarray, sigma_m: float) -> int:
+    """Return how many returns (n,) from an end on are off a line by their mean; 0 if none are.
+
+    Args:
+        off: how far behind it they are [m].
+        variance: of the line there, over that of a return.
+        sigma_m: noise of a return.
+    """
+    numbers = np.arange(1, len(off) + 1)
+    mean = np.cumsum(off) / numbers
+    excess = np.abs(mean) / (sigma_m * np.sqrt(1.0 / numbers + variance[: len(off)]))
+    excess[np.abs(mean) < _GRIP_OFF_M] = 0.0
+    excess[: _LEAST_GRIP - 1] = 0.0
+    if not len(excess) or excess.max() < _GRIP_SIGMAS:
+        return 0
+    return int(np.argmax(excess)) + 1
 
 
 def _sigma(off: np.ndarray, expected_m: float) -> float:
@@ -351,7 +400,8 @@ def _reached(kinds: List[int], off: np.ndarray, tolerance_m: float) -> List[int]
 def _end(cut: Cut, step: int) -> End:
     """Tell what is beyond the last (step 1) or the first (step -1) return of a cut."""
     beams, members, sigma_m = cut.beams, cut.members, cut.sigma_m
-    last = int(members[-1] if step > 0 else members[0])
+    last = cut.outer[1 if step > 0 else 0]
+    is_held = last != (members[-1] if step > 0 else members[0])
     beyond = last + step * np.arange(1, _LOOK_BEYOND + 1)
     beyond = beyond[(beyond >= 0) & (beyond < len(beams.angle))]
     if len(beyond) == 0:
@@ -363,6 +413,8 @@ def _end(cut: Cut, step: int) -> End:
     farther = np.flatnonzero(off > jump)
     behind = float(off.max())
     attached = _is_attached(beams, np.concatenate([[last], beyond]))
+    if is_held:
+        return End(HIDDEN, 0.0, attached)
     if len(farther) and (len(nearer) == 0 or farther[0] < nearer[0]):
         lost = int(beams.lost[last if step < 0 else last + 1])
         wide = bool(nothing[0])
