@@ -113,11 +113,11 @@ def refine(
         arms = with_shown_joints(start, arms, setup)
         arms = with_shown_moving_parts(start, arms, setup)
         summary, setup = with_shown_errors(initial, arms.solver, arms.summary, setup)
+        arms = replace(arms, summary=summary)
     elif options.model_errors == SUGGEST and not options.moving_edge_sigma:
         arms = with_usual_moving_parts(start, arms, setup)
-        summary = arms.summary
-    rejection = reject_bad_detections(rough.start, arms.solver, summary, arms.free, options, setup)
-    arms = replace(arms, solver=rejection.solver, summary=rejection.summary)
+    rejection = reject_bad_detections(start, arms, options, setup)
+    arms = rejection.solution
     if rejected := rejection.rejected:
         arms = settled_again(start, arms, setup)
     solver, summary, free = arms.solver, arms.summary, arms.free

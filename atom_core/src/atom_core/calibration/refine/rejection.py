@@ -8,7 +8,7 @@ solved again. The worst go first, since they disturb the test of others.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence, Set, Tuple
 
 import numpy as np
@@ -18,6 +18,7 @@ from atom_core.calibration.options import CalibrationOptions
 from atom_core.calibration.prepare.connectivity import check_connected
 from atom_core.calibration.refine.board_fit import BoardFits
 from atom_core.calibration.refine.disagreement import CHANCE, Disagreement, disagreement
+from atom_core.calibration.refine.moving_parts import MovingSolution
 from atom_core.calibration.start.boards import boards_in, solved_dataset
 from atom_core.calibration.start.starts import InitialProblem
 from atom_core.errors import CalibrationError
@@ -25,11 +26,11 @@ from atom_core.model.dataset import Dataset
 from atom_core.model.labels import DetectionKey, place
 from atom_core.model.pattern import BoardKey
 from atom_core.problem.blocks import ParameterBlock
-from atom_core.problem.builder import FreeEdges, build_problem
+from atom_core.problem.builder import build_problem
 from atom_core.problem.measurements import Measurement
 from atom_core.problem.problem import Problem
 from atom_core.solvers import losses
-from atom_core.solvers.base import FAILED, SIGMA, Solver, SolverSetup, SolverSummary
+from atom_core.solvers.base import FAILED, SIGMA, SolverSetup
 from atom_core.solvers.reweighting import solve_again
 
 _ROUNDS = 10
@@ -62,22 +63,19 @@ class Rejection:
     """What is left after bad detections were left out.
 
     Attributes:
-        solver, summary: of the problem as it is now.
+        solution: of what is left.
         rejected: in the order in which they were found.
         failure: why what is left cannot be calibrated, or None; then nothing was left out.
     """
 
-    solver: Solver
-    summary: SolverSummary
+    solution: MovingSolution
     rejected: Tuple[Rejected, ...]
     failure: Optional[str]
 
 
 def reject_bad_detections(
     start: InitialProblem,
-    solver: Solver,
-    summary: SolverSummary,
-    free: FreeEdges,
+    solution: MovingSolution,
     options: CalibrationOptions,
     setup: SolverSetup,
 ) -> Rejection:
@@ -86,36 +84,34 @@ def reject_bad_detections(
     Without a robust loss, or without weights that mean something, there is nothing to test.
 
     Args:
-        start: what the solver's problem was built from, with the measurements of all detections.
-        solver: of the problem with all detections.
-        summary: its solution.
-        free: what is estimated.
+        start: what the problem was built from, with the measurements of all detections.
+        solution: with all detections.
         options: what to keep in any case.
         setup: which solver.
     """
-    now = Rejection(solver, summary, (), None)
+    now = solution
+    rejected: Tuple[Rejected, ...] = ()
     if setup.options.weights != SIGMA or setup.options.loss == losses.NONE:
-        return now
+        return Rejection(now, rejected, None)
     initial, left = start.initial, list(start.measurements)
     for _ in range(_ROUNDS):
         if now.summary.interrupted or now.summary.status == FAILED:
             break
-        judge = _Judge(now, left, options, setup)
+        judge = _Judge(now, rejected, left, options, setup)
         found = judge.verdict()
         if not found:
             break
         out = {r.key for r in found}
         left = [m for m in left if m.key not in out]
-        rejected = now.rejected + tuple(found)
+        rejected += tuple(found)
         try:
-            check_connected(initial, left, free)
+            check_connected(initial, left, solution.free)
         except CalibrationError as error:
-            return Rejection(solver, summary, (), _failure(initial, left, rejected, str(error)))
-        problem = _rebuilt(initial, now, left, free, judge.boards)
-        again = setup.make(problem)
+            return Rejection(solution, (), _failure(initial, left, rejected, str(error)))
+        again = setup.make(_rebuilt(initial, now, left, judge.boards))
         after = solve_again(again, setup.options, now.solver.problem, now.summary)
-        now = Rejection(again, after, rejected, None)
-    return now
+        now = replace(now, solver=again, summary=after)
+    return Rejection(now, rejected, None)
 
 
 def _failure(
@@ -135,16 +131,15 @@ def _failure(
 
 def _rebuilt(
     initial: Dataset,
-    now: Rejection,
+    now: MovingSolution,
     left: Sequence[Measurement],
-    free: FreeEdges,
     refitted: Mapping[BoardKey, np.ndarray],
 ) -> Problem:
     """Return the problem of the remaining detections, from the present solution on."""
     base = solved_dataset(initial, now.solver.problem, now.summary.x, {})
     boards = boards_in(base, left)
     boards.update({key: pose for key, pose in refitted.items() if key in boards})
-    return build_problem(base, left, boards, free)
+    return build_problem(base, left, boards, now.free)
 
 
 class _Judge:
@@ -152,14 +147,15 @@ class _Judge:
 
     def __init__(
         self,
-        now: Rejection,
+        now: MovingSolution,
+        before: Sequence[Rejected],
         measurements: Sequence[Measurement],
         options: CalibrationOptions,
         setup: SolverSetup,
     ):
         self.boards: Dict[BoardKey, np.ndarray] = {}  # refitted to the detections kept
         self._options, self._setup = options, setup
-        self._before = now.rejected
+        self._before = before
         self._problem, self._summary = now.solver.problem, now.summary
         self._measurements = {m.key: m for m in measurements}
         x, sigmas = now.summary.x, now.summary.sigmas
