@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Dict, List, Mapping, NamedTuple, Tuple
+from typing import Dict, List, Mapping, Tuple
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from atom_core.synthetic.lidar_models import AnyLidarModel
 from atom_core.synthetic.noise import Noise
 from atom_core.synthetic.planted import RangeErrors
 from atom_core.synthetic.realism import Realism
-from atom_core.synthetic.rig import Rig, Room
+from atom_core.synthetic.rig import Rig
 from atom_core.synthetic.sensing import Outlook, View
 
 LARGEST_ANGLE_DEG = 80.0  # between the beam and the board's normal
@@ -99,11 +99,10 @@ def _scan(view: View) -> Tuple[np.ndarray, Dict[str, RangeLabel]]:
     ``errors_rng`` draws which returns from dark squares are lost.
     """
     model, patterns = view.rig.lidars[view.sensor.name], view.patterns
-    world_T_lidar, lidar_T_patterns = view.world_T_sensor, view.sensor_T_patterns
+    lidar_T_patterns = view.sensor_T_patterns
     errors = view.errors if isinstance(view.errors, RangeErrors) else RangeErrors()
     nearest, step = np.full(len(model.directions), np.inf), view.sampling.background_step
-    in_world = model.directions[::step] @ world_T_lidar[:3, :3].T
-    walls = view.rig.room.distance(world_T_lidar[:3, 3], in_world)
+    walls = _walls(view, model.directions[::step])
     in_range = (walls >= model.range_m[0]) & (walls <= model.range_m[1])
     nearest[::step] = np.where(in_range, walls, np.inf)
     seen: Dict[str, np.ndarray] = {}
@@ -115,9 +114,7 @@ def _scan(view: View) -> Tuple[np.ndarray, Dict[str, RangeLabel]]:
         seen[name] = beams[kept]
     error_m = np.zeros(len(nearest))
     if errors != RangeErrors():
-        boards = {n: (pose, patterns[n]) for n, pose in lidar_T_patterns.items()}
-        behind = _Behind(model, world_T_lidar, view.rig.room)
-        seen = _spoil(seen, boards, nearest, error_m, behind, errors, view.errors_rng)
+        seen, error_m = _spoil(view, errors, seen, nearest)
     returned = np.flatnonzero(np.isfinite(nearest))
     points = model.directions[returned] * nearest[returned, None]
     labels: Dict[str, RangeLabel] = {}
@@ -134,46 +131,34 @@ def _scan(view: View) -> Tuple[np.ndarray, Dict[str, RangeLabel]]:
     return view.noise.round(spoiled), labels
 
 
-class _Behind(NamedTuple):
-    """What lies behind the boards."""
-
-    model: AnyLidarModel
-    world_T_lidar: np.ndarray
-    room: Room
-
-    def ranges(self, beams: np.ndarray) -> np.ndarray:
-        """Return the ranges (n,) of the room along beams (n,) [m]."""
-        in_world = self.model.directions[beams] @ self.world_T_lidar[:3, :3].T
-        return self.room.distance(self.world_T_lidar[:3, 3], in_world)
+def _walls(view: View, directions: np.ndarray) -> np.ndarray:
+    """Return the ranges (n,) [m] of the room along directions (n, 3) in the LiDAR's frame."""
+    world_T_lidar = view.world_T_sensor
+    return view.rig.room.distance(world_T_lidar[:3, 3], directions @ world_T_lidar[:3, :3].T)
 
 
 def _spoil(
-    seen: Mapping[str, np.ndarray],
-    boards: Mapping[str, Tuple[np.ndarray, Pattern]],
-    nearest: np.ndarray,
-    error_m: np.ndarray,
-    behind: _Behind,
-    errors: RangeErrors,
-    rng: np.random.Generator,
-) -> Dict[str, np.ndarray]:
-    """Return the beams that a labeler takes for those on each board.
+    view: View, errors: RangeErrors, seen: Mapping[str, np.ndarray], nearest: np.ndarray
+) -> Tuple[Dict[str, np.ndarray], np.ndarray]:
+    """Return the beams that a labeler takes for those on each board, and how long beams read.
 
     Args:
-        seen: beams on each board.
-        boards: pose ``lidar_T_pattern`` (4, 4) and pattern, by name.
-        nearest: (beams,) true ranges [m]; those of lost returns become infinite.
-        error_m: (beams,) becomes by how much they read long.
-        behind: what is behind the boards.
+        view: what the LiDAR has before it.
         errors: what is planted.
-        rng: draws the lost returns.
+        seen: beams on each board.
+        nearest: (beams,) true ranges [m]; those of lost returns become infinite.
+
+    Returns:
+        Beams by board, and (beams,) by how much each reads long [m].
     """
-    labeled = {}
+    model, rng = view.rig.lidars[view.sensor.name], view.errors_rng
+    labeled, error_m = {}, np.zeros(len(nearest))
     returned = np.flatnonzero(np.isfinite(nearest))
-    rings = returned // behind.model.azimuth_steps
+    rings = returned // model.azimuth_steps
     error_m[returned] = errors.error_m(nearest[returned], rings)
     for name, beams in seen.items():
-        lidar_T_pattern, pattern = boards[name]
-        points = behind.model.directions[beams] * nearest[beams, None]
+        lidar_T_pattern, pattern = view.sensor_T_patterns[name], view.patterns[name]
+        points = model.directions[beams] * nearest[beams, None]
         in_pattern = se3.apply(se3.inverse(lidar_T_pattern), points)
         dark = is_dark(lidar_T_pattern, pattern, in_pattern[:, :2])
         error_m[beams] += errors.dark_offset_m * dark
@@ -181,11 +166,11 @@ def _spoil(
         if errors.dark_lost > 0:
             lost = dark & (rng.random(len(beams)) < errors.dark_lost)
         missing = _share_beside(lidar_T_pattern, pattern, points, errors.divergence_rad)
-        mixed_m = missing * (behind.ranges(beams) - nearest[beams])
+        mixed_m = missing * (_walls(view, model.directions[beams]) - nearest[beams])
         error_m[beams] += mixed_m
         nearest[beams[lost]] = np.inf
         labeled[name] = beams[~lost & (np.abs(mixed_m) < MIXED_LABELED_M)]
-    return labeled
+    return labeled, error_m
 
 
 def _share_beside(
