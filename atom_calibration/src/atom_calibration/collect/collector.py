@@ -341,6 +341,8 @@ def write_collection(setup: Setup, frames: Mapping[str, Frame]) -> str:
         OutputError: it cannot be written.
     """
     store, key = setup.store, setup.store.next_key
+    for frame in frames.values():
+        frame.unpack()
     stamps = {f.sensor.frame: f.stamp_s for f in frames.values()}
     tree = setup.transforms(min(stamps.values()))
     boards = _board_stamps(setup, frames)

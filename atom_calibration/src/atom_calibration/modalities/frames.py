@@ -15,6 +15,8 @@ from atom_core.labeling.stillness import Sighting
 from atom_core.model.pattern import Pattern
 from atom_core.model.sensor import Sensor
 
+_MUCH_SMALLER = 2  # times, is a compressed picture, or one of a Bayer camera
+
 
 @dataclass
 class Frame:
@@ -31,6 +33,7 @@ class Frame:
         prepared: the data with all done that labels need beside a seed, by pattern; while the frame
             is being labeled.
         sightings: what tells whether the board moved, by pattern; only of what was detected.
+        packed: the message that the data were decoded from, where it is much smaller; or None.
     """
 
     sensor: Sensor
@@ -41,6 +44,7 @@ class Frame:
     seeds: Dict[str, np.ndarray] = field(default_factory=dict)
     sightings: Dict[str, Sighting] = field(default_factory=dict)
     prepared: Dict[str, Any] = field(default_factory=dict)
+    packed: Any = None
 
     @property
     def ros(self) -> RosModality:
@@ -83,6 +87,16 @@ class Frame:
             return None
         return self.ros.board_pose(self.sensor, pattern, labeled.label)
 
+    def pack(self) -> None:
+        """Let go of data that the message tells, too: of those that wait few are needed again."""
+        if self.packed is not None:
+            self.data = None
+
+    def unpack(self) -> None:
+        """Have the data again."""
+        if self.data is None and self.packed is not None:
+            self.data = self.ros.decode(self.packed)
+
     def unlabeled(self) -> Frame:
         """Return the same data without labels."""
         return Frame(self.sensor, self.stamp_s, self.header, self.data)
@@ -99,6 +113,9 @@ def decode(sensor: Sensor, message: Any) -> Frame:
         frame.data = frame.ros.decode(message)
     except MessageError as error:
         raise type(error)(f"{frame.place}: {error}", sensor.name) from None
+    sent, decoded = getattr(message, "data", b""), getattr(frame.data, "nbytes", 0)
+    if decoded >= _MUCH_SMALLER * len(sent) > 0:
+        frame.packed = message
     return frame
 
 

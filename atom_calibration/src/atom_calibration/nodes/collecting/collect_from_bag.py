@@ -227,6 +227,7 @@ def _collected(
     for frame in labeled_frames(bag, rig, labeler, transforms, received, clocks, _warn):
         expectation.add(frame)
         keys += collector.add(frame)
+        frame.pack()
     keys += collector.finish()
     return collector, keys
 

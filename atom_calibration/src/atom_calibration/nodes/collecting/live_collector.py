@@ -269,6 +269,7 @@ class LiveCollector:
         frame = self._newest.get(sensor.name)
         if frame is None or frame.stamp_s != self._receipts.time_s(labels, sensor.name):
             return
+        frame.unpack()
         set_labels(frame, labels)
         if frame.stamp_s <= self._order.released_s:  # else it is added with these labels
             self.collector.label_again(frame)
@@ -277,6 +278,7 @@ class LiveCollector:
         for frame in frames:
             self._expectation.add(frame)
             self._guarded(partial(self.collector.add, frame))
+            frame.pack()
 
     def _begin_anew(self) -> None:
         """Forget the data of before; the stop that lasted until their end is taken first."""
