@@ -45,3 +45,5 @@ def test_what_names_nothing_or_is_code_is_refused(path, tmp_path, capsys, words,
 def test_a_condition_that_holds_for_nothing_estimates_nothing_further(path, tmp_path, words):
     common = ["calibrate", "--dataset", path, "-atsf", "!odom"]
     run(*common, *words, "--output", tmp_path / "out")
+    document = json.loads((tmp_path / "out" / "calibration.json").read_text())
+    assert "world-nowhere" not in document["edges"] and document["joints"] == {}
