@@ -8,7 +8,11 @@ from atom_core.calibration.judge.misfit import misfits
 from atom_core.solvers.choice import SOLVERS
 from atom_core.solvers.free_fit import distances, distances_alone
 from atom_core.synthetic import paper_cell, scenes
-from atom_core.synthetic.mistakes import with_edge_off, with_scaled_focal_length
+from atom_core.synthetic.mistakes import (
+    with_edge_off,
+    with_scaled_focal_length,
+    with_shifted_prints,
+)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -34,6 +38,16 @@ def test_a_wrong_focal_length_is_inconsistent_and_the_camera_named(factor):
     worst = result.misfits[0]
     assert worst.why.startswith("corners of rgb_1 are ") and "intrinsics" in worst.why
     assert worst.joint > 1.5 * worst.alone and len(worst.collections) > 3
+
+
+def test_an_error_that_explains_a_misfit_is_named_before_it():
+    """A misfit makes all sigmas so wide that what explains it seems to matter little."""
+    scene = scenes.random_scene(53, rgb=1, depth=1, lidar3d=0, collections=20)
+    result = calibrate(with_shifted_prints(scene.dataset, (0.01, -0.015)))
+    assert result.status == "inconsistent" and result.misfits
+    assert result.message.startswith("the border of pattern_1 lies 17")
+    assert "--board_border pattern_1" in result.message
+    assert any(why.startswith("corners of rgb_1 are 4") for why in result.contradictions[1:])
 
 
 def test_an_arm_that_is_not_where_it_says_is_inconsistent():

@@ -112,7 +112,10 @@ def of_the_model(solved: Solved, found: Examined) -> List[str]:
 def _contradictions(solved: Solved, found: Examined) -> List[str]:
     """Return what of the model the data contradict, the likeliest cause first."""
     refined, covariance = solved.refined, found.covariance
-    reasons = [suggestion(c, solved.problem) for c in strong(found.checks, covariance)]
+    shown = strong(found.checks, covariance)
+    if found.unfit and not shown:  # the sigmas are as wide as the misfit; what shows explains it
+        shown = list(found.checks)
+    reasons = [suggestion(check, solved.problem) for check in shown]
     reasons += _unusual(solved, covariance) + unusual_parts(refined.free, solved.options)
     if found.unfit:  # else it is noise that the sigmas know of
         of_parts = [edge.why + _or_of_size(found.size_hints) for edge in found.moving]
