@@ -387,6 +387,35 @@ class JointShift(JointPositionError):
     is_named = False
 
 
+@dataclass(frozen=True)
+class TurnTrend(JointPositionError):
+    """How far a moving part is turned [rad], in proportion to one of its coordinates.
+
+    It is like errors of sensors and boards, which do the same, and not named.
+
+    Attributes:
+        coordinate: three turns and three places of the part in its parent.
+        axis: of the parent, about which it is turned.
+    """
+
+    coordinate: int
+    axis: int
+
+    kind = "turn_trend"
+    unit = RADIAN
+    usual = 0.0002  # there are three of each axis
+    option = ""
+    is_named = False
+
+
+@dataclass(frozen=True)
+class ShiftTrend(TurnTrend):
+    """Likewise, how far it is beside its place along an axis [m]."""
+
+    kind = "shift_trend"
+    unit = METRE
+
+
 def rows_of(
     block: ResidualBlock,
     poses: np.ndarray,

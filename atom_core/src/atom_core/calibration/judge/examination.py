@@ -12,7 +12,7 @@ from atom_core.calibration.judge.misfit import Misfit, misfits
 from atom_core.calibration.judge.solved import Solved
 from atom_core.calibration.judge.untold_scale import untold_scale
 from atom_core.calibration.judge.usual_errors import left_open
-from atom_core.calibration.options import OFF
+from atom_core.calibration.options import AUTO, OFF
 from atom_core.calibration.refine.candidates import usual_sizes
 from atom_core.calibration.refine.error_words import described, unusual
 from atom_core.calibration.refine.held_back import pull_sigma
@@ -142,7 +142,10 @@ def _checked(solved: Solved) -> Examined:
     """Return the covariance, robust and combined, the model checks, what moved, what is untold."""
     initial, refined, options = solved.start.initial, solved.refined, solved.options
     loss, estimated = refined.options.loss, tuple(refined.summary.model_errors)
-    solution = checked(initial, refined.solver, refined.summary, refined.options, with_fields=True)
+    is_auto = options.model_errors == AUTO
+    solution = checked(
+        initial, refined.solver, refined.summary, refined.options, True, of_all_motions=is_auto
+    )
     equations, by_stop = solution.equations, solution.by_stop
     factors = sigma_factors(*by_stop, estimated)
     of_errors = dict(zip(estimated, factors[equations.shared :]))

@@ -7,6 +7,7 @@ from typing import Dict, Iterable, List, Optional, Set
 import numpy as np
 
 from atom_core.calibration.refine.joint_candidates import joint_candidates
+from atom_core.calibration.refine.moving_trends import moving_trends
 from atom_core.calibration.start.boards import solved_dataset
 from atom_core.geometry.camera import Camera
 from atom_core.geometry.intrinsics import intrinsics_names
@@ -58,13 +59,16 @@ _NUMBERS = {
 _DISTORTION = 4  # the first of a camera's numbers that is of its distortion
 
 
-def candidates(dataset: Dataset, problem: Problem, x: np.ndarray) -> List[ModelError]:
+def candidates(
+    dataset: Dataset, problem: Problem, x: np.ndarray, of_all_motions: bool = False
+) -> List[ModelError]:
     """Return the errors that a problem's sensors and boards may have.
 
     Args:
         dataset: with the sensors' intrinsics as given.
         problem: whose rows are to depend on them; cameras whose intrinsics are estimated have none.
         x: its solution.
+        of_all_motions: also what moving parts do that are taken to be where the dataset has them.
     """
     found: List[ModelError] = []
     for name in dict.fromkeys(block.sensor for block in problem.residual_blocks):
@@ -92,7 +96,9 @@ def candidates(dataset: Dataset, problem: Problem, x: np.ndarray) -> List[ModelE
         bends = Bend.of_board(name, border)
         for axis, bend in enumerate(bends):
             found += [BorderShift(name, axis), bend]
-    return [*found, *joint_candidates(solved_dataset(dataset, problem, x, {}), problem)]
+    solved = solved_dataset(dataset, problem, x, {})
+    trends = moving_trends(solved, problem, of_all_motions)
+    return [*found, *joint_candidates(solved, problem), *trends]
 
 
 def _patterns_with_border(problem: Problem) -> Set[str]:

@@ -12,13 +12,14 @@ from typing import Dict, List, Mapping
 
 import numpy as np
 
-from atom_core.calibration.refine.told_joints import told_joints
+from atom_core.calibration.refine.told_joints import told_joints, twists_in_sensors
 from atom_core.geometry import se3
-from atom_core.model.dataset import Dataset, pose
+from atom_core.model.dataset import Dataset
 from atom_core.model.joints import JointState
 from atom_core.model.transforms import Edge
 from atom_core.problem.blocks import ROTATION, TRANSLATION
 from atom_core.problem.model_errors import (
+    RADIAN,
     EdgeOffset,
     JointOffset,
     JointPositionError,
@@ -29,6 +30,7 @@ from atom_core.problem.model_errors import (
     ModelError,
     PrismaticEdgeOffset,
     PrismaticOffset,
+    TurnTrend,
 )
 from atom_core.problem.moving_blocks import MovingPart
 from atom_core.problem.problem import Problem
@@ -55,7 +57,7 @@ def joint_candidates(dataset: Dataset, problem: Problem) -> List[JointPositionEr
         first = next(iter(joints.values()))
         axis = np.zeros(6)
         axis[TRANSLATION if first.is_prismatic else ROTATION] = first.axis  # the same in the child
-        twists = _twists(dataset, problem, first.edge, dict.fromkeys(joints, axis))
+        twists = twists_in_sensors(dataset, problem, first.edge, dict.fromkeys(joints, axis))
         if np.any(twists):
             positions = np.array([joints[key.collection].position for key in problem.detections])
             found.append(_OFFSETS[name in dataset.joints, first.is_prismatic](name, twists))
@@ -67,7 +69,7 @@ def joint_candidates(dataset: Dataset, problem: Problem) -> List[JointPositionEr
 def sizes_on_moving_parts(
     sizes: Mapping[ModelError, float], dataset: Dataset, moving: Mapping[Edge, MovingPart]
 ) -> Dict[ModelError, float]:
-    """Return standard deviations of errors: of joints' axes as far as their arm is off.
+    """Return standard deviations of errors: of joints' axes and trends as far as an arm is off.
 
     An arm that was given room, as if it were off by chance in each collection, may be off by its
     links and axes, the same way wherever it stands alike. No check names these.
@@ -81,8 +83,9 @@ def sizes_on_moving_parts(
     for edge, part in moving.items():
         carried = {str(step.edge) for step in dataset.graph.chain(dataset.world, edge.child)}
         for error, size in sizes.items():
-            if isinstance(error, (JointTilt, JointShift)):
-                off = part.sigma_rad if isinstance(error, JointTilt) else part.sigma_m
+            if isinstance(error, (JointTilt, JointShift, TurnTrend)):
+                turns = error.unit == RADIAN
+                off = part.sigma_rad if turns else part.sigma_m
                 name = error.target
                 if (str(joints[name].edge) if name in joints else name) in carried:
                     found[error] = max(size, found[error], off)
@@ -108,7 +111,7 @@ def _axis_errors_of(
             in_child = {
                 key: se3.adjoint(se3.inverse(state.moved)) @ move for key, state in joints.items()
             }
-            twists = _twists(dataset, problem, states[0].edge, in_child)
+            twists = twists_in_sensors(dataset, problem, states[0].edge, in_child)
             found.append(kind(name, twists, across))
     return found
 
@@ -132,28 +135,3 @@ def _errors_of(
         waves = (np.sin(positions), np.cos(positions))
         found += [JointWave(name, varying(share), phase) for phase, share in enumerate(waves)]
     return found
-
-
-def _twists(
-    dataset: Dataset, problem: Problem, joint: Edge, in_child: Mapping[str, np.ndarray]
-) -> np.ndarray:
-    """Return (d, 6): how the detections' poses change, in their sensors, with a joint's child.
-
-    Args:
-        dataset: with the solution in its transforms.
-        problem: whose detections.
-        joint: its edge.
-        in_child: by collection the child's own twist (6,).
-    """
-    graph = dataset.graph
-    twists = np.zeros((len(problem.detections), 6))
-    ways: Dict[Edge, float] = {}
-    for d, key in enumerate(problem.detections):
-        frame, pattern = dataset.sensors[key.sensor].frame, dataset.patterns[key.pattern].frame
-        chain = graph.chain(frame, pattern)
-        ways = {step.edge: -1.0 if step.inverted else 1.0 for step in chain}
-        if joint in ways:
-            collection = dataset.collections[key.collection]
-            sensor_T_child = pose(collection, graph, frame, joint.child)
-            twists[d] = ways[joint] * (se3.adjoint(sensor_T_child) @ in_child[key.collection])
-    return twists

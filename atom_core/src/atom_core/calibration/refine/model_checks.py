@@ -11,7 +11,7 @@ is tested beside it, until nothing significant is left.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import List, NamedTuple, Optional, Sequence, Tuple, Type
+from typing import List, Mapping, NamedTuple, Optional, Sequence, Tuple, Type
 
 import numpy as np
 from scipy import special
@@ -28,7 +28,7 @@ _LEVERAGE = 0.9  # no collection counts as deciding more than this of a number
 _DETERMINED = 1e-6  # part of its information that other numbers must leave a candidate
 _SAME = 0.9  # two candidates whose effects are so much alike cannot be told apart ...
 _RIVAL = 0.8  # ... where the second one explains this part of what the first one does
-_UNUSUAL = 10.0  # times as unusual, a rival is none
+UNUSUAL = 10.0  # times as unusual, a rival is none
 _TIE = 1e-3  # part of the gain by which errors that explain the same differ by rounding and noise
 _CAUTIOUS = 16.0  # gain that is left when a detection counts for little more than one row
 _MOST = 12
@@ -119,6 +119,24 @@ def hints(
     ]
 
 
+def sigma_beside(
+    equations: SharedEquations, error: ModelError, expected: Mapping[ModelError, float]
+) -> float:
+    """Return how exactly the data tell an error where others may be there, too, in its unit.
+
+    Args:
+        equations: at the solution.
+        error: which; nothing is expected of it.
+        expected: standard deviations of the others, in their units; those without are free.
+    """
+    total = np.array(equations.total)
+    for other, place in equations.place.items():
+        if other in expected and other != error:
+            total[place, place] += (other.step / expected[other]) ** 2
+    at = equations.place[error]
+    return error.step * float(np.sqrt(max(inverse(total)[at, at], 0.0)))
+
+
 def _best(step: _Step, cautious: _Step) -> Optional[ModelCheck]:
     """Return the significant candidate that explains most, if there is one."""
     if not step.candidates:
@@ -134,7 +152,7 @@ def _best(step: _Step, cautious: _Step) -> Optional[ModelCheck]:
     tied = gains >= (1.0 - _TIE) * np.max(gains)
     i = int(np.argmin(np.where(tied, unusual, np.inf)))
     rivals = tested.determined & (np.abs(step.alike[i]) > _SAME)
-    rivals &= unusual < _UNUSUAL * np.maximum(unusual[i], 1.0)
+    rivals &= unusual < UNUSUAL * np.maximum(unusual[i], 1.0)
     rivals &= tested.gain > _RIVAL * tested.gain[i]
     rivals[i] = False
     error = step.candidates[i]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Dict, List, Mapping, Optional, Sequence, Tuple
+from typing import Collection, Dict, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -15,11 +15,24 @@ from atom_core.calibration.refine.candidates import (
 )
 from atom_core.calibration.refine.error_words import UNESTIMATED, described, remedy
 from atom_core.calibration.refine.layer_checks import LayerSums, layer_sums
-from atom_core.calibration.refine.model_checks import Hint, ModelCheck, hints, model_checks
+from atom_core.calibration.refine.model_checks import (
+    UNUSUAL,
+    Hint,
+    ModelCheck,
+    hints,
+    model_checks,
+    sigma_beside,
+)
 from atom_core.model.dataset import Dataset
 from atom_core.problem.blocks import ADDITIONAL_TF
-from atom_core.problem.board_errors import BoardSize
-from atom_core.problem.model_errors import WITH_ALL, ErrorPrior, ErrorPriors, ModelError
+from atom_core.problem.board_errors import BoardSize, SeenBorder
+from atom_core.problem.model_errors import (
+    WITH_ALL,
+    ErrorPrior,
+    ErrorPriors,
+    JointPositionError,
+    ModelError,
+)
 from atom_core.problem.problem import Problem
 from atom_core.problem.residuals import BORDER, ORTHOGONAL, REPROJECTION, RangeBlock
 from atom_core.solvers.base import (
@@ -44,6 +57,7 @@ from atom_core.solvers.shared_equations import (
 from atom_core.solvers.stops import by_stop, repeats, stops_of
 
 _MOST = 12
+_SURE = 3.0  # sigmas by which an error differs from what a moving part may be off by
 _STILL = 1e-4  # entries of a transform [m, 1] that does not move
 # What the rows of a detection may have in common, be the sensor and the labels ever so good: what
 # is less than that is called no error of the model [px, m, m].
@@ -84,6 +98,25 @@ class CheckedSolution:
         """Return the boards that the data may have of another size."""
         return hints(self.by_stop[0], tuple(summary.model_errors), BoardSize, loss)
 
+    def may_be_of_motions(self, check: ModelCheck, known: Collection[ModelError]) -> bool:
+        """Tell whether moving parts that are off explain an error, none ten times as unusual.
+
+        As the scale of an arm does that of a board before a camera alone.
+
+        Args:
+            check: what the data show.
+            known: errors that the solution has estimated.
+        """
+        rest = [e for e in self.equations.errors if e not in known]
+        rest = [e for e in rest if not isinstance(e, SeenBorder)]
+        of_motions = [e for e in rest if isinstance(e, JointPositionError)]
+        if not of_motions or check.error in of_motions:
+            return False
+        room = UNUSUAL * max(abs(check.value) / check.error.usual, 1.0)
+        sizes = usual_sizes(rest, None)
+        sizes.update({error: room * error.usual for error in of_motions})
+        return abs(check.value) < _SURE * sigma_beside(self.equations, check.error, sizes)
+
     @property
     def by_stop(self) -> Tuple[SharedEquations, SharedEquations]:
         """The equations, as weighted and cautious, of stops instead of collections."""
@@ -96,6 +129,7 @@ def checked(
     summary: SolverSummary,
     options: SolverOptions,
     with_fields: bool = False,
+    of_all_motions: bool = False,
 ) -> CheckedSolution:
     """Return the equations of a solution.
 
@@ -105,10 +139,12 @@ def checked(
         summary: its solution.
         options: robust loss, and priors of the model errors that it has estimated.
         with_fields: with the errors that differ from ray to ray.
+        of_all_motions: with those of all moving parts, as of `candidates`.
     """
     problem, x, sigmas, loss = solver.problem, summary.x, summary.sigmas, options.loss
     known: List[ModelError] = [*summary.model_errors]
-    errors = known + [e for e in candidates(dataset, problem, x) if e not in known]
+    others = candidates(dataset, problem, x, of_all_motions)
+    errors = known + [e for e in others if e not in known]
     # Corrected points have other elevations, by their rounding, and so have their layers.
     sorts = {(error.kind, error.target) for error in known}
     every = range_fields(dataset, problem) if with_fields else []
@@ -158,7 +194,7 @@ def with_shown_errors(
 ) -> Tuple[SolverSummary, SolverSetup]:
     """Estimate the model errors that the data show, one after the other, until none is left.
 
-    What cannot be told from another error is left alone.
+    What cannot be told from another error is left alone, and so is what an arm may be off by.
 
     Args:
         dataset: with the intrinsics as given.
@@ -169,8 +205,9 @@ def with_shown_errors(
     for _ in range(_MOST):
         if summary.status != CONVERGED or setup.options.weights != SIGMA:
             break
-        solution = checked(dataset, solver, summary, setup.options)
-        found = [c for c in solution.checks(summary, setup.options.loss) if not c.rivals]
+        solution = checked(dataset, solver, summary, setup.options, of_all_motions=True)
+        checks, known = solution.checks(summary, setup.options.loss), summary.model_errors
+        found = [c for c in checks if not c.rivals and not solution.may_be_of_motions(c, known)]
         if not found or not found[0].error.is_scalar:
             break
         before = setup

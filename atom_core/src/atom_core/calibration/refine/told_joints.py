@@ -13,7 +13,7 @@ import numpy as np
 
 from atom_core.calibration.prepare.moving_parts import moves
 from atom_core.geometry import se3
-from atom_core.model.dataset import Dataset, board_edge
+from atom_core.model.dataset import Dataset, board_edge, pose
 from atom_core.model.joints import PRISMATIC, REVOLUTE, JointState, joint_from_pose
 from atom_core.model.transforms import Edge
 from atom_core.problem.problem import Problem
@@ -45,7 +45,7 @@ def told_joints(dataset: Dataset, problem: Problem) -> Dict[str, States]:
             found[name] = states
     known = taken | {next(iter(states.values())).edge for states in found.values()}
     known |= {board_edge(pattern) for pattern in dataset.patterns.values()}
-    for edge in _between(dataset, problem):
+    for edge in edges_between(dataset, problem):
         if edge not in known and moves(dataset, edge):
             of_edge = _of_transforms(dataset, edge)
             if of_edge and used <= set(of_edge):
@@ -59,7 +59,7 @@ def _is_told(dataset: Dataset, collection: str, joint: JointState) -> bool:
     return transform is not None and np.allclose(transform, joint.parent_T_child, atol=_SAME)
 
 
-def _between(dataset: Dataset, problem: Problem) -> List[Edge]:
+def edges_between(dataset: Dataset, problem: Problem) -> List[Edge]:
     """Return the edges between sensors and the patterns that they see."""
     graph, edges = dataset.graph, {}
     for sensor, pattern in dict.fromkeys((key.sensor, key.pattern) for key in problem.detections):
@@ -105,3 +105,28 @@ def _unwrapped(angles: np.ndarray) -> np.ndarray:
     begin = order[(int(np.argmax(gaps)) + 1) % len(order)]
     unwrapped = (angles - begin) % (2.0 * np.pi)
     return unwrapped - unwrapped[0]
+
+
+def twists_in_sensors(
+    dataset: Dataset, problem: Problem, edge: Edge, in_child: Mapping[str, np.ndarray]
+) -> np.ndarray:
+    """Return (d, 6): how the detections' poses change, in their sensors, with an edge's child.
+
+    Args:
+        dataset: with the solution in its transforms.
+        problem: whose detections.
+        edge: which.
+        in_child: by collection the child's own twist (6,).
+    """
+    graph = dataset.graph
+    twists = np.zeros((len(problem.detections), 6))
+    ways: Dict[Edge, float] = {}
+    for d, key in enumerate(problem.detections):
+        frame, pattern = dataset.sensors[key.sensor].frame, dataset.patterns[key.pattern].frame
+        chain = graph.chain(frame, pattern)
+        ways = {step.edge: -1.0 if step.inverted else 1.0 for step in chain}
+        if edge in ways:
+            collection = dataset.collections[key.collection]
+            sensor_T_child = pose(collection, graph, frame, edge.child)
+            twists[d] = ways[edge] * (se3.adjoint(sensor_T_child) @ in_child[key.collection])
+    return twists
