@@ -157,6 +157,17 @@ def test_a_settled_solution_fits_its_own_sigmas(solution):
     assert after.cost_final == pytest.approx(losses.total_cost(losses.CAUCHY, squares))
 
 
+def test_both_costs_have_the_final_weights_and_what_priors_cost(monkeypatch):
+    solution = Solution()
+    solver = solution.solver
+    parameters = type(solver.problem.parameters)
+    monkeypatch.setattr(parameters, "prior_cost", lambda self, x: 7.0 + float(x @ x))
+    after = weighted_by_detections(solver, solution.before, solution.options)
+    for x, cost in ((np.zeros_like(after.x), after.cost_initial), (after.x, after.cost_final)):
+        of_rows = losses.total_cost(losses.CAUCHY, solver.squares(x, after.sigmas))
+        assert cost == pytest.approx(of_rows + 7.0 + float(x @ x))
+
+
 def test_a_settled_solution_has_the_common_parts_that_follow_from_it(solution):
     after, solver = solution.after, solution.solver
     covariance = covariance_by_detections(solver, after, solution.options)

@@ -86,7 +86,7 @@ def truth_of(dataset: Dataset) -> Truth:
         for key, collection in dataset.collections.items()
         if board_edge(pattern) in collection.transforms
     }
-    joints = {n: j.parameters for c in dataset.collections.values() for n, j in c.joints.items()}
+    joints = {name: joint.parameters for name, joint in dataset.joints.items()}
     return Truth(constant, boards, moving, joints)
 
 

@@ -82,14 +82,19 @@ def weighted_by_detections(
             break
         scales = scales * factors
         sigmas = tuple(sigma * scale for sigma, scale in zip(summary.sigmas, scales))
-    squares = solver.squares(state.x, sigmas)
+    costs = [
+        losses.total_cost(options.loss, solver.squares(x, sigmas))
+        + problem.parameters.prior_cost(x)
+        for x in (np.zeros_like(state.x), state.x)
+    ]
     if largest > _MOVING:
         message = _moving_still(largest)
         summary = replace(summary, status=NOT_CONVERGED, message=message, settled=False)
     return replace(
         summary,
         x=state.x,
-        cost_final=losses.total_cost(options.loss, squares),
+        cost_initial=costs[0],
+        cost_final=costs[1],
         sigmas=sigmas,
         scales=tuple(float(s) for s in scales * summary.scales),
         inset_steps=tuple(float(v) for v in state.insets),
