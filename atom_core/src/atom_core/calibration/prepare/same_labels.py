@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import Counter
 from itertools import combinations
-from typing import Dict, List, Mapping, Sequence, Tuple
+from typing import Dict, List, Mapping, NamedTuple, Sequence, Tuple
 
 import numpy as np
 
@@ -21,18 +21,26 @@ _SURELY = 2  # detections that no two sensors share by chance
 LEAST_NUMBERS = 8  # of a detection
 
 
+class _Numbers(NamedTuple):
+    """What a sensor measured of a board."""
+
+    sensor: str
+    numbers: np.ndarray
+
+
 def check_same_labels(measurements: Sequence[Measurement]) -> None:
     """Refuse two sensors with the same labels: one of them was collected under two names.
 
     Raises:
         CalibrationError: naming both.
     """
-    seen: Dict[Tuple[str, str], List[Measurement]] = {}
-    for m in measurements:
-        seen.setdefault((m.key.collection, m.key.pattern), []).append(m)
+    seen: Dict[Tuple[str, str], List[_Numbers]] = {}
+    for m in measurements:  # the numbers of each are asked once: pairs are many
+        numbers = _Numbers(m.key.sensor, label_numbers(m))
+        seen.setdefault((m.key.collection, m.key.pattern), []).append(numbers)
     pairs = [pair for together in seen.values() for pair in combinations(together, 2)]
-    both = Counter(_names(*pair) for pair in pairs)
-    same = Counter(_names(*pair) for pair in pairs if _are_same(*pair))
+    both = Counter((one.sensor, other.sensor) for one, other in pairs)
+    same = Counter((one.sensor, other.sensor) for one, other in pairs if _are_same(one, other))
     for (a, b), count in same.items():
         if count >= min(_SURELY, both[a, b]):
             raise CalibrationError(
@@ -83,13 +91,8 @@ def _same_collection(
     )
 
 
-def _names(one: Measurement, other: Measurement) -> Tuple[str, str]:
-    return one.key.sensor, other.key.sensor
-
-
-def _are_same(one: Measurement, other: Measurement) -> bool:
-    mine, others = label_numbers(one), label_numbers(other)
-    return mine.size >= LEAST_NUMBERS and np.array_equal(mine, others)
+def _are_same(one: _Numbers, other: _Numbers) -> bool:
+    return one.numbers.size >= LEAST_NUMBERS and np.array_equal(one.numbers, other.numbers)
 
 
 def label_numbers(m: Measurement) -> np.ndarray:
