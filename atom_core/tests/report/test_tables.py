@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from atom_core.report.tables import text_table
+from atom_core.report.tables import by_collection_table, text_table
 
 
 def test_numbers_stand_to_the_right_words_to_the_left_and_the_unknown_is_a_dash():
@@ -29,3 +29,14 @@ def test_truths_are_words():
 
 def test_a_table_without_rows_has_its_headers():
     assert text_table(["a", "b"], []).split() == ["a", "b", "---", "---"]
+
+
+def test_what_more_sensors_saw_than_fit_beside_each_other_stands_below_each_other():
+    names = [f"rgb_{n}" for n in range(1, 121)]
+    rows = [[f"{k:03d}", *["88"] * 120] for k in range(10)] + [["seen in", *["10"] * 120]]
+    turned = by_collection_table(names, rows, "Detections").splitlines()
+    assert turned[1].split() == ["Collection", *(f"{k:03d}" for k in range(10)), "seen", "in"]
+    assert turned[-1].split() == ["rgb_120", *["88"] * 10, "10"]
+    assert len(turned) == 123 and max(map(len, turned)) < 120
+    few = by_collection_table(names[:7], [row[:8] for row in rows], "Detections").splitlines()
+    assert few[1].split() == ["Collection", *names[:7]] and len(few) == 14

@@ -22,7 +22,7 @@ from atom_core.report.calibration_results import (
 )
 from atom_core.report.edge_tables import edge_tables, figure_names, figures, joints_table
 from atom_core.report.model_error_lines import estimated_errors, shown_errors
-from atom_core.report.tables import ABSENT, text_table
+from atom_core.report.tables import ABSENT, by_collection_table, text_table
 from atom_core.report.trust_report import trust_lines
 from atom_core.report.truth_tables import truth_tables
 from atom_core.report.verdict import is_open, sigma_in_words
@@ -193,10 +193,10 @@ def _collections_table(results: CalibrationResults, normalised: bool) -> str:
                 cell = f"{cell} ({value.mean / sigma:.2f})"
             row.append(cell)
         rows.append(row)
-    headers = ["Collection"] + [f"{n} {k} [{_SHOWN[k][0]}]" for n, k in columns]
+    headers = [f"{n} {k} [{_SHOWN[k][0]}]" for n, k in columns]
     title = "Mean residuals by collection"
     title += " (and by their expected standard deviation)" if normalised else ""
-    return text_table(headers, rows, title)
+    return by_collection_table(headers, rows, title)
 
 
 def _truth_table(ground_truth: GroundTruth) -> str:
@@ -234,7 +234,7 @@ def _detection_table(dataset: Dataset, result: Preflight) -> str:
     for sensor in dataset.sensors:
         totals.append(str(len({k.collection for k in result.detections if k.sensor == sensor})))
     title = "Detections (corners found/of all; range points inside+border)"
-    return text_table(["Collection"] + list(dataset.sensors), rows + [totals], title)
+    return by_collection_table(list(dataset.sensors), rows + [totals], title)
 
 
 def _detection_cell(
@@ -257,9 +257,9 @@ def _residual_table(dataset: Dataset, table: Table) -> str:
     averages: List[Any] = ["Averages"]  # of the printed values, as ATOM does
     for cells in list(zip(*rows))[1:]:
         averages.append(float(np.mean([v for v in cells if v is not None])))
-    headers = ["Collection"] + [f"{s} {kind} [{UNITS[kind]}]" for s, kind in columns]
+    headers = [f"{s} {kind} [{UNITS[kind]}]" for s, kind in columns]
     title = "Residuals at the poses in the dataset (mean of each collection)"
-    return text_table(headers, rows + [averages], title)
+    return by_collection_table(headers, rows + [averages], title)
 
 
 def _size_table(result: Preflight) -> str:

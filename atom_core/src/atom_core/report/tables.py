@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from typing import Any, Iterable, Optional, Sequence
+from typing import Any, Iterable, List, Optional, Sequence
 
 import numpy as np
 from tabulate import tabulate
@@ -12,6 +12,7 @@ from tabulate import tabulate
 ABSENT = "---"
 AVERAGES = "Averages"  # names the line of means, as ATOM has it
 _FINEST = 4  # decimals of a figure with three digits
+_COLUMNS = 20  # that fit into a wide window
 
 
 def text_table(
@@ -38,6 +39,17 @@ def text_table(
         disable_numparse=True,
     )
     return f"{title}\n{body}" if title else body
+
+
+def by_collection_table(columns: Sequence[str], rows: Sequence[Sequence[Any]], title: str) -> str:
+    """Return a table with a row for each collection, and one of what holds for all of them.
+
+    Where there are more columns than fit, and fewer collections, these are the columns.
+    """
+    table: List[Sequence[Any]] = [["Collection", *columns], *rows]
+    if len(columns) > max(_COLUMNS, len(rows)):
+        table = list(zip(*table))
+    return text_table(table[0], table[1:], title)
 
 
 def csv_table(rows: Iterable[Sequence[Any]], line_end: str = "\n") -> str:
