@@ -234,24 +234,28 @@ def assembled(
     jacobians, index = state_jacobians, problem.dependencies
     information, gradient = summed(parts, len(jacobians), jacobians.shape[2])
     n, s, g, w = BLOCK_SIZE, layout.shared, layout.groups, layout.width
-    shared, cross = np.zeros((s, s, n, n)), np.zeros((g, w, s, n, n))
-    local = np.zeros((g, w, w, n, n))
+    sums = _PairSums(
+        layout,
+        shared=np.zeros((s, s, n, n)),
+        cross=np.zeros((g, w, s, n, n)),
+        local=np.zeros((g, w, w, n, n)),
+    )
     for k in range(index.shape[1]):
         reached = information @ jacobians[:, k]
         for m in range(index.shape[1]):
             both = (index[:, k] >= 0) & (index[:, m] >= 0)
             values = np.swapaxes(jacobians[both, m], 1, 2) @ reached[both]
-            _add_pairs(layout, index[both, m], index[both, k], values, shared, cross, local)
-    _pad(layout, local)
+            sums.add(index[both, m], index[both, k], values)
+    _pad(layout, sums.local)
     every = np.arange(len(jacobians))
     gradient_shared, gradient_local = pulled_back(problem, layout, jacobians, every, gradient)
-    dense = shared.swapaxes(1, 2).reshape(n * s, n * s)
+    dense = sums.shared.swapaxes(1, 2).reshape(n * s, n * s)
     dense[layout.idle, layout.idle] = 1.0
     return NormalEquations(
         layout,
         dense,
-        cross.swapaxes(2, 3).reshape(g, n * w, n * s),
-        local.swapaxes(2, 3).reshape(g, n * w, n * w),
+        sums.cross.swapaxes(2, 3).reshape(g, n * w, n * s),
+        sums.local.swapaxes(2, 3).reshape(g, n * w, n * w),
         gradient_shared,
         gradient_local,
         parts,
@@ -310,25 +314,34 @@ def pulled_back(
     return shared.ravel(), local.reshape(layout.groups, BLOCK_SIZE * layout.width)
 
 
-def _add_pairs(
-    layout: Layout,
-    row: np.ndarray,
-    column: np.ndarray,
-    values: np.ndarray,
-    shared: np.ndarray,
-    cross: np.ndarray,
-    local: np.ndarray,
-) -> None:
-    group_row, group_column = layout.group[row], layout.group[column]
-    at_row, at_column = layout.position[row], layout.position[column]
-    both = (group_row < 0) & (group_column < 0)
-    _add(shared, layout.shared * at_row[both] + at_column[both], values[both])
-    mixed = (group_row >= 0) & (group_column < 0)
-    place = layout.width * group_row[mixed] + at_row[mixed]
-    _add(cross, layout.shared * place + at_column[mixed], values[mixed])
-    own = (group_row >= 0) & (group_column >= 0)
-    place = layout.width * group_row[own] + at_row[own]
-    _add(local, layout.width * place + at_column[own], values[own])
+class _PairSums(NamedTuple):
+    """Information of pairs of parameter blocks, (6, 6) each, where a layout has them.
+
+    Attributes:
+        layout: with s shared blocks, and g collections of w blocks at most.
+        shared: (s, s, 6, 6) of two shared blocks.
+        cross: (g, w, s, 6, 6) of a collection's block and a shared one.
+        local: (g, w, w, 6, 6) of two blocks of a collection.
+    """
+
+    layout: Layout
+    shared: np.ndarray
+    cross: np.ndarray
+    local: np.ndarray
+
+    def add(self, row: np.ndarray, column: np.ndarray, values: np.ndarray) -> None:
+        """Add values (m, 6, 6) of the blocks with these indices (m,) each."""
+        layout = self.layout
+        group_row, group_column = layout.group[row], layout.group[column]
+        at_row, at_column = layout.position[row], layout.position[column]
+        both = (group_row < 0) & (group_column < 0)
+        _add(self.shared, layout.shared * at_row[both] + at_column[both], values[both])
+        mixed = (group_row >= 0) & (group_column < 0)
+        place = layout.width * group_row[mixed] + at_row[mixed]
+        _add(self.cross, layout.shared * place + at_column[mixed], values[mixed])
+        own = (group_row >= 0) & (group_column >= 0)
+        place = layout.width * group_row[own] + at_row[own]
+        _add(self.local, layout.width * place + at_column[own], values[own])
 
 
 def _add_vectors(
