@@ -82,6 +82,15 @@ def test_data_that_stand_in_the_json_are_not_called_absent_files(given, capsys):
     assert "stand in the JSON itself" in capsys.readouterr().err
 
 
+def test_what_is_good_with_a_warning_does_not_look_as_if_nothing_were_wrong(given, capsys):
+    def elsewhere(document):
+        document["calibration_config"]["description_file"] = "package://gone/rig.urdf.xacro"
+
+    said = said_of(given, capsys, elsewhere)
+    assert "verdict: GOOD. Ready to calibrate" in said and "will not be written" in said
+    assert "but read what is said above (1 warning)" in said and "nothing looks wrong" not in said
+
+
 def test_what_is_weak_is_not_called_ready(given, capsys):
     def few(document):
         document["collections"] = dict(list(document["collections"].items())[:3])

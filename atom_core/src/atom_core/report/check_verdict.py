@@ -61,7 +61,9 @@ def check_verdict(
     if grade == GOOD:
         collections = counted(len(dataset.collections), "collection")
         what = f"ready to calibrate: {counted(len(sensors), 'sensor')} in {collections}"
-        return Verdict(GOOD, f"{what}, nothing looks wrong", sensors)
+        count = len(result.warnings)
+        told = f"but read what is said above ({counted(count, 'warning')})"
+        return Verdict(GOOD, f"{what}, {told if count else 'nothing looks wrong'}", sensors)
     names = [name for name, sensor in sensors.items() if sensor.grade == grade]
     what = "leave out or repair" if grade == WRONG else "it can be calibrated, but look at"
     first = sensors[names[0]]
