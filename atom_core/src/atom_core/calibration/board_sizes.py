@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Dict, List, Tuple
+from typing import Any, Dict, Iterable, Iterator, List, Tuple
 
 import numpy as np
 
@@ -17,10 +17,26 @@ from atom_core.labeling.board_size import (
 )
 from atom_core.model.config import GREATEST_SQUARE_M
 from atom_core.model.dataset import Dataset
-from atom_core.model.labels import RangeLabel
+from atom_core.model.labels import DetectionKey, RangeLabel
 from atom_core.problem.measured_size import MeasuredSide
 
-Boards = List[Tuple[Any, np.ndarray]]
+
+class _Boards(Iterable[Tuple[Any, np.ndarray]]):
+    """Clouds of a sensor, each with a seed on its board, read when their turn comes.
+
+    Together they may be larger than the memory: 400 clouds of 128 layers are 2.5 GB.
+    """
+
+    def __init__(self, dataset: Dataset):
+        self._dataset = dataset
+        self.keys: List[DetectionKey] = []
+
+    def __iter__(self) -> Iterator[Tuple[Any, np.ndarray]]:
+        for key in self.keys:
+            label = self._dataset.label(key)
+            assert isinstance(label, RangeLabel)
+            cloud = self._dataset.data.read(key.collection, key.sensor)
+            yield cloud, np.mean(cloud[label.indices], axis=0)
 
 
 def look_at_boards(dataset: Dataset) -> Tuple[List[MeasuredSide], List[str]]:
@@ -57,15 +73,14 @@ def look_at_boards(dataset: Dataset) -> Tuple[List[MeasuredSide], List[str]]:
     return sides, remarks
 
 
-def _labeled(dataset: Dataset) -> Dict[Tuple[str, str], Boards]:
-    """Return by sensor and pattern the clouds with a point on the board."""
-    found: Dict[Tuple[str, str], Boards] = {}
+def _labeled(dataset: Dataset) -> Dict[Tuple[str, str], _Boards]:
+    """Return by sensor and pattern the labeled clouds with a point on the board."""
+    found: Dict[Tuple[str, str], _Boards] = {}
     for key, label in dataset.detections():
         wanted = dataset.sensors[key.sensor].kind.seen_boards is not None
         if wanted and isinstance(label, RangeLabel) and len(label.indices):
-            cloud = dataset.data.read(key.collection, key.sensor)
-            seed = np.mean(cloud[label.indices], axis=0)
-            found.setdefault((key.sensor, key.pattern), []).append((cloud, seed))
+            boards = found.setdefault((key.sensor, key.pattern), _Boards(dataset))
+            boards.keys.append(key)
     return found
 
 
@@ -83,7 +98,7 @@ def _sides(
 
 
 def _or_wide_beams(
-    dataset: Dataset, name: str, pattern: str, boards: Boards, finding: SizeFinding
+    dataset: Dataset, name: str, pattern: str, boards: _Boards, finding: SizeFinding
 ) -> str:
     """Return what else may enlarge a board to a sensor, if that is possible; empty if not."""
     border, estimate = dataset.patterns[pattern].border, dataset.sensors[name].kind.beam_width

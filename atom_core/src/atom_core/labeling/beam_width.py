@@ -7,7 +7,7 @@ tell the width. A board that is larger than the configuration says looks alike f
 
 from __future__ import annotations
 
-from typing import List, NamedTuple, Optional, Sequence, Tuple
+from typing import Iterable, List, NamedTuple, Optional, Tuple
 
 import numpy as np
 
@@ -37,7 +37,7 @@ class BeamWidth(NamedTuple):
 
 
 def estimate_beam_width(
-    boards: Sequence[Tuple[CloudLike, np.ndarray]], border: Rectangle
+    boards: Iterable[Tuple[CloudLike, np.ndarray]], border: Rectangle
 ) -> Optional[BeamWidth]:
     """Return how wide beams must be that the boards in several clouds have the border's size.
 

@@ -7,7 +7,7 @@ it, and a board of another size is that at any distance, boards from near and fa
 
 from __future__ import annotations
 
-from typing import List, NamedTuple, Optional, Sequence, Tuple
+from typing import Iterable, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -67,7 +67,7 @@ class SizeFinding(NamedTuple):
 
 
 def seen_boards(
-    boards: Sequence[Tuple[CloudLike, np.ndarray]], border: Rectangle, beam_width_rad: float
+    boards: Iterable[Tuple[CloudLike, np.ndarray]], border: Rectangle, beam_width_rad: float
 ) -> List[SeenBoard]:
     """Return what is seen of a board in each cloud where it is found.
 

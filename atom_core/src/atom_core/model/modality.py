@@ -15,6 +15,7 @@ from typing import (
     Any,
     Callable,
     Dict,
+    Iterable,
     List,
     Mapping,
     NamedTuple,
@@ -45,8 +46,8 @@ if TYPE_CHECKING:  # types of the layers above, which a modality's functions tak
 
 _ROOMS = "atom_core.modalities"
 
-EstimateBeamWidth = Callable[[Sequence[Tuple[Any, np.ndarray]], "Rectangle"], Optional["BeamWidth"]]
-SeeBoards = Callable[[Sequence[Tuple[Any, np.ndarray]], "Rectangle", float], List["SeenBoard"]]
+EstimateBeamWidth = Callable[[Iterable[Tuple[Any, np.ndarray]], "Rectangle"], Optional["BeamWidth"]]
+SeeBoards = Callable[[Iterable[Tuple[Any, np.ndarray]], "Rectangle", float], List["SeenBoard"]]
 
 
 class SeedFormat(NamedTuple):
