@@ -59,7 +59,7 @@ def _size_in_words(told: float, hints: Sequence[Hint]) -> str:
             f"configured `size`, and 1 % of it is 1 % of them; {measure}"
         )
     sigma = max([told, *(hint.sigma for hint in hints)])
-    found = [described(hint.error, hint.value, hint.sigma) for hint in hints]
+    found = [described(hint.error, hint.value, max(told, hint.sigma)) for hint in hints]
     seen = f"; as far as they do, {', '.join(found)}" if found else ""
     return (
         f"the data tell how large the boards are to {100.0 * sigma:.2g} % only, and 1 % of the "
