@@ -20,9 +20,10 @@ bool GoesOnBesideSide(const BoardSearch& search, const Surface& surface, const R
   const double from = surface.Tolerance(), to = from + kStrip * search.options.size.minCoeff();
   std::array<std::array<int, kBins>, 4> more = {};  // returns on the plane than behind it, of each
                                                     // bin beside -x, +x, -y, +y
-  for (std::size_t i = 0; i < search.window.points.size(); ++i) {
-    const ScanPoint& point = search.At(static_cast<int>(i));
-    const bool holds = surface.plane().Holds(point);
+  const int count = static_cast<int>(search.window.points.size());
+  for (int i = 0; i < count; ++i) {
+    const ScanPoint& point = search.At(i);
+    const bool holds = surface.plane().Holds(point) && !search.IsOfLarger(i, surface.plane());
     if (!holds && surface.plane().Residual(point.position) < 0.0) continue;
     const Eigen::Vector2d place = pose.ToBoard(surface.InPlane(point.position));
     for (int axis = 0; axis < 2; ++axis) {

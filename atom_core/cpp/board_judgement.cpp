@@ -10,8 +10,10 @@
 #include <utility>
 
 #include "board_beside.h"
+#include "board_contact.h"
 #include "board_filling.h"
 #include "board_size.h"
+#include "board_squares.h"
 #include "plane_pieces.h"
 #include "plane_points.h"
 
@@ -33,6 +35,7 @@ constexpr double kUneven = 0.008;     // [m] about the plane are flat
 constexpr double kWideLayer = 0.4;    // of the shorter side: layers beyond the board count, if
 constexpr double kSolid = 0.6;        // of them returns, and
 constexpr double kFarBeyond = 0.12;   // of that side away
+constexpr int kFitted = 4;            // progress of what a rectangle was laid on
 constexpr std::size_t kNearest = 4;   // ends on each side that are limit points in any case
 
 // ---- the surface: plane and threshold from the piece itself, and the piece from them
@@ -41,8 +44,9 @@ constexpr std::size_t kNearest = 4;   // ends on each side that are limit points
 std::vector<int> PieceAround(const BoardSearch& search, const Plane& plane,
                              const std::vector<int>& before) {
   const PlaneAxes axes(plane, search.At(before.front()).position);
-  const std::vector<int> inliers = InliersOf(search.window, axes, kThreshold * plane.sigma,
-                                             kSquareShare * search.options.size.minCoeff());
+  std::vector<int> inliers = InliersOf(search.window, axes, kThreshold * plane.sigma,
+                                       kSquareShare * search.options.size.minCoeff());
+  if (search.larger != nullptr) inliers = search.larger->Without(inliers, plane);
   std::vector<int> best;
   std::size_t most = 0;
   for (auto& piece : FindPieces(search.scan, search.window, inliers, plane,
@@ -112,7 +116,7 @@ bool HasExtent(const BoardSearch& search, const Surface& surface, BoardSegment* 
     for (const int i : surface.piece()) {
       segment->too_large.push_back(&search.At(i) - search.scan.points.data());
     }
-    Reject(1, "the plane there is larger than the board", segment);
+    Reject(1, std::string("the plane there is larger than the board") + kHoldAway, segment);
     return false;
   }
   return true;
@@ -130,18 +134,19 @@ bool IsFlat(const Surface& surface, BoardSegment* segment) {
   return false;
 }
 
-std::optional<Surface> FindSurface(const BoardSearch& search, std::vector<int> piece,
+// solid: without ends that are much narrower than what is beside them.
+std::optional<Surface> FindSurface(const BoardSearch& search, std::vector<int> piece, bool solid,
                                    BoardSegment* segment) {
   std::optional<std::vector<int>> refit = Refit(search, std::move(piece), segment);
   if (!refit) return std::nullopt;
   std::optional<Surface> surface = SurfaceOf(search, std::move(*refit), segment);
   if (!surface) return std::nullopt;
-  std::vector<int> solid = surface->WithoutOpenEnds();
-  if (solid.size() < surface->piece().size()) {
-    if (static_cast<int>(solid.size()) < search.options.least_points) {
+  std::vector<int> left = solid ? surface->WithoutNarrowEnds() : surface->WithoutOpenEnds();
+  if (left.size() < surface->piece().size()) {
+    if (static_cast<int>(left.size()) < search.options.least_points) {
       return Reject(2, "only posts are on the plane there, no surface between them", segment);
     }
-    surface = SurfaceOf(search, std::move(solid), segment);
+    surface = SurfaceOf(search, std::move(left), segment);
   }
   if (surface && !HasExtent(search, *surface, segment)) return std::nullopt;
   return surface;
@@ -342,12 +347,14 @@ void TakeNearest(double well_inside, std::vector<Limit> limits, std::vector<std:
 void Label(const BoardSearch& search, const Surface& surface, const RectanglePose& pose,
            BoardSegment* segment) {
   const double step = surface.StepOnBoard(), margin = 0.01 + 0.5 * step;
-  const std::set<int> open = OpenLayers(search, surface, pose, margin);
+  std::set<int> open = OpenLayers(search, surface, pose, margin);
+  open.merge(LayersInDoubt(search, surface, pose, margin));
   std::map<int, std::pair<int, int>> ends;  // of the layers
   const int count = static_cast<int>(search.window.points.size());
   for (int i = 0; i < count; ++i) {
     const ScanPoint& point = search.At(i);
     if (!surface.plane().Holds(point) || open.count(point.layer) != 0) continue;
+    if (search.IsOfLarger(i, surface.plane())) continue;
     const Eigen::Vector2d on_board = pose.ToBoard(surface.InPlane(point.position));
     const double distance = SignedDistance(on_board, surface.seen_half());
     if (distance > margin) continue;
@@ -371,27 +378,38 @@ void Label(const BoardSearch& search, const Surface& surface, const RectanglePos
 }
 
 // What is found unsure is labeled, too, if nothing else speaks against it.
-BoardSegment Judged(const BoardSearch& search, std::vector<int> piece) {
+void LabelSurface(const BoardSearch& search, const Surface& surface, const RectanglePose& first,
+                  BoardSegment* segment) {
+  const auto restricted = Restrict(search, surface, first, segment);
+  if (!restricted || !IsFlat(*restricted, segment)) return;
+  const auto pose = FitToEnds(search, *restricted, segment);
+  if (!pose || !IsAll(search, surface, InPlaneOf(surface, *segment), segment)) return;
+  if (!FillsRectangle(search, *restricted, *pose, segment)) return;
+  if (GoesOnBesideSide(search, *restricted, *pose, segment)) return;
+  if (ReachesIntoLarger(search, *restricted, *pose, segment)) return;
+  segment->detected = !segment->unsure;
+  Label(search, *restricted, *pose, segment);
+}
+
+BoardSegment Judged(const BoardSearch& search, std::vector<int> piece, bool solid) {
   BoardSegment segment;
-  const auto surface = FindSurface(search, std::move(piece), &segment);
+  const auto surface = FindSurface(search, std::move(piece), solid, &segment);
   if (!surface) return segment;
   const auto first = FitToRuns(search, *surface, &segment);
   if (!first) return segment;
-  const auto restricted = Restrict(search, *surface, *first, &segment);
-  if (!restricted || !IsFlat(*restricted, &segment)) return segment;
-  const auto pose = FitToEnds(search, *restricted, &segment);
-  if (!pose || !IsAll(search, *surface, InPlaneOf(*surface, segment), &segment)) return segment;
-  if (!FillsRectangle(search, *restricted, *pose, &segment)) return segment;
-  if (GoesOnBesideSide(search, *restricted, *pose, &segment)) return segment;
-  segment.detected = !segment.unsure;
-  Label(search, *restricted, *pose, &segment);
+  LabelSurface(search, *surface, *first, &segment);
+  segment.unsure = segment.unsure && !segment.indices.empty();
+  if (segment.indices.empty()) TellSquares(search, *surface, *first, &segment);
   return segment;
 }
 
+// Where layers are sparse, as the outer ones of a VLP-32C, one post may be all that they meet of
+// what carries a board.
 BoardSegment Judge(const BoardSearch& search, std::vector<int> piece) {
-  BoardSegment segment = Judged(search, std::move(piece));
-  segment.unsure = segment.unsure && !segment.indices.empty();
-  return segment;
+  const BoardSegment segment = Judged(search, piece, false);
+  if (segment.progress < kFitted || !segment.indices.empty()) return segment;
+  const BoardSegment again = Judged(search, std::move(piece), true);
+  return again.indices.empty() ? segment : again;
 }
 
 }  // namespace

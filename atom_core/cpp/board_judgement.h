@@ -15,6 +15,10 @@ namespace atom_core {
 /// Formats up to four numbers, for reasons.
 std::string Text(const char* format, double a, double b = 0.0, double c = 0.0, double d = 0.0);
 
+/// What a reason says where a board may be part of what is larger.
+constexpr char kHoldAway[] =
+    " (a board less than 5 cm before a wall is not told from it: hold it farther away)";
+
 /// Notes that a piece is no board.
 ///
 /// \param progress how many steps of the judgement it passed.

@@ -14,6 +14,8 @@ namespace {
 
 constexpr double kProposal = 2.0;     // standard deviations of the inliers of a proposed plane
 constexpr double kUnmeasured = 0.25;  // of the score, for a side
+constexpr int kLaid = 4;              // progress of what a rectangle was laid on
+constexpr double kSmallPiece = 0.5;   // of the shorter side
 // Of a board [m], as in config_entries.py.
 constexpr double kLeastSide = 1e-3, kMostSide = 1e3, kMostRatio = 1e3;
 
@@ -33,13 +35,31 @@ void Check(const Eigen::Vector3d& seed, const BoardOptions& options) {
   if (!seed.allFinite()) throw std::invalid_argument("the seed must be finite");
 }
 
+Plane PlaneOf(const BoardSegment& segment) {
+  const Eigen::Vector3d normal = segment.sensor_T_board.block<3, 1>(0, 2);
+  return {normal, normal.dot(segment.sensor_T_board.topRightCorner<3, 1>()), segment.plane_sigma};
+}
+
+// Tells whether a piece is much shorter than the board.
+bool IsSmall(const BoardSearch& search, const std::vector<int>& piece) {
+  double longest = 0.0;
+  for (const int i : piece) {
+    const Eigen::Vector3d offset = search.At(i).position - search.At(piece.front()).position;
+    longest = std::max(longest, offset.norm());
+  }
+  return longest < kSmallPiece * search.options.size.minCoeff();
+}
+
 // The best piece of the window on one plane.
-BoardSegment BestOnPlane(const BoardSearch& search, const Plane& plane,
-                         const Eigen::Vector3d& seed) {
+//
+// larger: gets pieces that are too large.
+BoardSegment BestOnPlane(const BoardSearch& search, const Plane& plane, const Eigen::Vector3d& seed,
+                         LargerPlanes* larger) {
   const BoardOptions& options = search.options;
-  const std::vector<int> inliers =
+  const std::vector<int> all =
       InliersOf(search.window, PlaneAxes(plane, seed), kThreshold * options.noise,
                 kSquareShare * options.size.minCoeff());
+  const std::vector<int> inliers = larger->Without(all, plane);
   const auto is_at_seed = [&](const std::vector<int>& piece) {
     const std::vector<int>& sphere = search.window.sphere;
     auto in_piece = piece.begin();
@@ -56,17 +76,24 @@ BoardSegment BestOnPlane(const BoardSearch& search, const Plane& plane,
                                 options.LongestDark())) {
     if (static_cast<int>(piece.size()) < options.least_points) break;
     if (options.at_seed && !is_at_seed(piece)) continue;
+    const bool is_small = IsSmall(search, piece);
     BoardSegment segment = JudgePiece(search, std::move(piece));
     const Eigen::Vector3d middle = segment.sensor_T_board.topRightCorner<3, 1>();
     segment.score += 0.5 * (middle - seed).norm() / SeedRadius(options);
+    if (!segment.too_large.empty()) larger->Add(PlaneOf(segment));
+    // Scraps along a larger plane say less than that plane.
+    const bool is_scrap = is_small && inliers.size() < all.size() && segment.progress < kLaid;
+    if (is_scrap && segment.indices.empty()) continue;
     if (IsBetter(segment, best)) best = segment;
   }
   return best;
 }
 
 // The best piece of the window on any of the planes around the seed.
-BoardSegment BestOfPlanes(const BoardSearch& search, const Eigen::Vector3d& seed) {
+BoardSegment BestOfPlanes(BoardSearch search, const Eigen::Vector3d& seed) {
   const BoardOptions& options = search.options;
+  LargerPlanes larger(search.window);
+  search.larger = &larger;
   BoardSegment best;
   best.reason = "no plane around the seed";
   std::vector<int> left = search.window.sphere;
@@ -77,7 +104,7 @@ BoardSegment BestOfPlanes(const BoardSearch& search, const Eigen::Vector3d& seed
         !ProposePlane(search.window, left, threshold, kLeastCosine * seed.norm(), &plane)) {
       break;
     }
-    const BoardSegment segment = BestOnPlane(search, plane, seed);
+    const BoardSegment segment = BestOnPlane(search, plane, seed, &larger);
     if (IsBetter(segment, best)) best = segment;
     std::vector<int> rest = OffPlane(search.window, left, plane, kThreshold * options.noise);
     if (rest.size() == left.size()) break;

@@ -106,6 +106,17 @@ std::vector<int> Surface::WithoutOpenEnds() const {
   auto high = open.rend() - std::find(open.rbegin(), open.rend(), false);
   if (low == 1) low = 0;
   if (high + 1 == static_cast<std::ptrdiff_t>(open.size())) high = open.size();
+  return Between(low, high);
+}
+
+std::vector<int> Surface::WithoutNarrowEnds() const {
+  std::ptrdiff_t low = 0, high = ends_.size();
+  while (high - low > 1 && PassesBeside(low, low + 1)) ++low;
+  while (high - low > 1 && PassesBeside(high - 1, high - 2)) --high;
+  return Between(low, high);
+}
+
+std::vector<int> Surface::Between(std::ptrdiff_t low, std::ptrdiff_t high) const {
   std::vector<int> solid;
   for (std::ptrdiff_t layer = low; layer < high; ++layer) {
     const auto from = std::lower_bound(piece_.begin(), piece_.end(), ends_[layer].first);
@@ -115,6 +126,26 @@ std::vector<int> Surface::WithoutOpenEnds() const {
   return solid;
 }
 
+// Tells whether of a layer's beams more pass through than return, where another layer is on the
+// surface.
+bool Surface::PassesBeside(std::ptrdiff_t layer, std::ptrdiff_t other) const {
+  const std::vector<Near>& points = search_->window.points;
+  const auto first = points.begin() + ends_[layer].first;
+  const double from = points[ends_[other].first].azimuth, to = points[ends_[other].second].azimuth;
+  int excess = 0;
+  const auto count = [&](const Near& near) {
+    if (near.point->layer != first->point->layer) return false;
+    if (near.azimuth < from || near.azimuth > to) return true;
+    excess += plane_.Side(*near.point) > 0 ? 1 : plane_.Holds(*near.point) ? -1 : 0;
+    return true;
+  };
+  for (auto i = first; i != points.end() && count(*i); ++i) {
+  }
+  for (auto i = first; i != points.begin() && count(*(i - 1)); --i) {
+  }
+  return excess > 0;
+}
+
 bool Surface::IsHiddenBeside(int i, int side) const {
   int k = i;
   for (int step = 0; step < kStepsBeside; ++step) {
@@ -122,13 +153,15 @@ bool Surface::IsHiddenBeside(int i, int side) const {
     if (k < 0) return false;
     const int beyond = plane_.Side(At(k));
     if (beyond != 0) return beyond < 0;
+    if (search_->IsOfLarger(k, plane_)) return true;
   }
   return false;
 }
 
 bool Surface::GoesOn(int i, int side) const {
   const int next = Neighbour(i, side), after = next < 0 ? -1 : Neighbour(next, side);
-  return after >= 0 && plane_.Holds(At(next)) && plane_.Holds(At(after));
+  return after >= 0 && plane_.Holds(At(next)) && plane_.Holds(At(after)) &&
+         !search_->IsOfLarger(next, plane_);
 }
 
 bool Surface::IsMixed(int i, int side) const {
@@ -195,7 +228,8 @@ void Surface::AddLayersAround(PlanePoints* outside) const {
   for (std::size_t i = 0; i < search_->window.points.size(); i += 3) {
     const int layer = At(i).layer;
     Eigen::Vector2d in_plane;
-    if ((layer == low - 1 || layer == high + 1) && plane_.Side(At(i)) > 0 &&
+    if ((layer == low - 1 || layer == high + 1) &&
+        (plane_.Side(At(i)) > 0 || search_->IsOfLarger(i, plane_)) &&
         Meets(At(i).position / At(i).range, &in_plane) && in_plane.norm() < reach) {
       outside->push_back(in_plane);
     }

@@ -5,10 +5,12 @@
 #define ATOM_CORE_CPP_BOARD_SURFACE_H_
 
 #include <Eigen/Core>
+#include <cstddef>
 #include <utility>
 #include <vector>
 
 #include "atom_core/board_rectangle.h"
+#include "larger_planes.h"
 #include "scan_plane.h"
 #include "scan_window.h"
 
@@ -19,9 +21,14 @@ struct BoardSearch {
   const Scan& scan;
   const Window& window;
   const BoardOptions& options;
+  const LargerPlanes* larger = nullptr;  ///< that are known around the seed
 
   const ScanPoint& At(int i) const { return window.At(i); }
   Eigen::Vector2d HalfSize() const { return options.size / 2.0; }
+  /// Tells whether a return on a plane belongs to a larger one that meets it.
+  bool IsOfLarger(int i, const Plane& plane) const {
+    return larger != nullptr && larger->Have(i, plane);
+  }
 };
 
 /// A piece of a plane with axes in it. Returns are named by their position in the window; a side
@@ -67,6 +74,10 @@ class Surface {
   /// Returns the piece without its lowest and highest layers of which more beams pass between their
   /// ends than return: posts that carry a board.
   std::vector<int> WithoutOpenEnds() const;
+  /// Returns the piece without its lowest and highest layers of which more beams pass through than
+  /// return where the next layer is on the surface: one post alone, and corners that point up or
+  /// down.
+  std::vector<int> WithoutNarrowEnds() const;
 
   /// Tells whether something nearer to the sensor begins beside an end of a layer.
   bool IsHiddenBeside(int i, int side) const;
@@ -88,6 +99,9 @@ class Surface {
   const ScanPoint& At(int i) const { return search_->At(i); }
   // The next position in the layer, outwards of an end; -1 if none is beside it.
   int Neighbour(int i, int side) const;
+  // The piece in some of its layers.
+  std::vector<int> Between(std::ptrdiff_t low, std::ptrdiff_t high) const;
+  bool PassesBeside(std::ptrdiff_t layer, std::ptrdiff_t other) const;
   Eigen::Vector2d Border(int i, int side) const;
   double BeyondEnd(int i, int side) const;
   void AddOutside(int i, int side, PlanePoints* outside) const;

@@ -75,7 +75,8 @@ bool IsOfSize(const BoardSearch& search, const std::vector<int>& piece, BoardSeg
   if (longest > kSmallest && is_small && !is_strip) return true;
   segment->sensor_T_board.block<3, 1>(0, 3) = search.At(piece.front()).position;
   const std::string how = longest < 1.0 || is_strip ? "smaller" : "larger";
-  Refuse(1, "the plane there is " + how + " than the board; " + SizeText(size, board), segment);
+  const std::string why = "the plane there is " + how + " than the board";
+  Refuse(1, why + (how == "larger" ? kHoldAway : "") + "; " + SizeText(size, board), segment);
   return false;
 }
 

@@ -277,7 +277,7 @@ def test_too_few_layers_are_counted():
     scene = Scene(pose(EYE), board_facing(EYE, (3.9, 0.0, 1.5), roll_deg=0.0, tilt_deg=70.0))
     found = label(scan(scene, 12))
     assert not found.detected
-    assert "layers" in found.reason
+    assert "4 are needed: bring the board nearer" in found.reason
     assert found.quality["layers"] < 4
 
 

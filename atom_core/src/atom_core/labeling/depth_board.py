@@ -33,6 +33,10 @@ _SAME_SIZE = 0.03  # of a side
 _CUT_SIZE = 0.035  # the same, where the image's edge cuts the other sides
 _SIZE_NOT_SEEN = "no two opposite sides of the plane there are seen, so that its size is not known"
 _CUT = "the image's edge cuts it: bring all of it into view, or let a camera see it, too"
+_HOLD_AWAY = (
+    "; a board that touches a wall is not told from it: hold it farther away, or draw a polygon "
+    "about it"
+)
 _LEAST_OF_GRID = 0.5  # of the pixels that another grid would have
 _LEAST_SEEN = 0.05  # of a board: in view, and not hidden
 _LARGEST_EXTENT, _LARGEST_BEYOND = 1.1, 0.05
@@ -104,7 +108,8 @@ def judge(view: DepthView, plane: Plane, region: Region) -> Labeled:
     inner = surface.in_plane(*_thinned(region.mask))
     quality["extent_m"] = _extent(inner)
     if quality["extent_m"] > _LARGEST_EXTENT * view.diagonal_m:
-        return nothing(DEPTH, _too("large", quality["extent_m"], "m across"), quality)
+        reason = _too("large", quality["extent_m"], "m across") + _HOLD_AWAY
+        return nothing(DEPTH, reason, quality)
     border = surface.border()
     if len(border) < _LEAST_BORDER_PX:
         reason = "the region fills the image; none of its border is seen: a wall, or too near"
