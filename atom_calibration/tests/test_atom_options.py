@@ -102,5 +102,5 @@ def _without(words, names):
 )
 def test_what_is_meant_for_rviz_passes(node, needed):
     theirs = ["-d", "a.rviz", "--fullscreen", "__name:=rviz"]
-    _, rest = node._parser().parse_known_args([*needed.split(), *theirs])
+    _, rest = node.parser().parse_known_args([*needed.split(), *theirs])
     assert rest == theirs

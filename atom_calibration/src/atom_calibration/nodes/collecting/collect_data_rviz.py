@@ -27,8 +27,12 @@ NAME = "collect_data_rviz"
 
 def main(argv: Optional[Sequence[str]] = None) -> int:
     """Become RViz; return an exit code only if that fails."""
-    parser = rviz_parser(NAME, __doc__, "-cfg config.yml", options.add_config_option)
-    return main_of(NAME, parser, _run, argv)
+    return main_of(NAME, parser(), _run, argv)
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the parser of the command line; what it does not know is RViz's."""
+    return rviz_parser(NAME, __doc__, "-cfg config.yml", options.add_config_option)
 
 
 def _run(args: argparse.Namespace, rest: Sequence[str]) -> int:
