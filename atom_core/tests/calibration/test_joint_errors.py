@@ -36,6 +36,10 @@ MAKERS = {"camera": arm.camera_on_arm, "board": arm.board_on_arm}
 MIDDLE = ("shoulder_lift", "elbow", "wrist_1", "wrist_2")  # the ends are like the sensor, the board
 
 
+def candidates_of(dataset, problem):
+    return joint_candidates(dataset, problem, told_joints(dataset, problem))
+
+
 def with_offset(make, seed, joint, value):
     errors = {} if joint is None else {joint: {"position_bias": value}}
     return MAKERS[make](seed, errors=errors, collections=20)
@@ -209,7 +213,7 @@ def test_the_lengths_of_links_are_in_the_combined_sigmas_of_an_arm_that_has_room
 def test_axes_are_off_as_far_as_the_arm_that_has_room_and_others_as_usual():
     found = calibrate(MAKERS["camera"](0, errors={}, collections=4).dataset, HELD)
     dataset, graph = found.dataset, found.dataset.graph
-    usual = {e: e.usual for e in joint_candidates(dataset, found.problem)}
+    usual = {e: e.usual for e in candidates_of(dataset, found.problem)}
     carrier = graph.chain(dataset.world, "wrist_1_link")[-1].edge
     sizes = sizes_on_moving_parts(usual, dataset, {carrier: MovingPart(0.003, 0.002, {})})
     beyond = {"wrist_2", "wrist_3"}  # the arm that is off ends before them
@@ -223,7 +227,7 @@ def test_axes_turn_and_shift_what_hangs_on_the_joint_across_themselves(kind, par
     """By central differences of the chain, with the origin moved before the motion."""
     scene = MAKERS["camera"](0, errors={}, collections=4)
     found = calibrate(scene.dataset, HELD)
-    errors = [e for e in joint_candidates(found.dataset, found.problem) if isinstance(e, kind)]
+    errors = [e for e in candidates_of(found.dataset, found.problem) if isinstance(e, kind)]
     assert len(errors) == 2 * 7 and not any(e.is_named for e in errors)
     (one, other) = (e for e in errors if e.target == "elbow")
     dataset, graph = found.dataset, found.dataset.graph
@@ -265,7 +269,7 @@ def test_transforms_tell_the_same_errors_of_joints_as_positions_do(kind):
     found = calibrate(MAKERS["camera"](0, errors={}, collections=6).dataset, HELD)
 
     def twists(dataset, target):
-        errors = joint_candidates(dataset, found.problem)
+        errors = candidates_of(dataset, found.problem)
         mine = [e for e in errors if isinstance(e, kind) and e.target == target]
         assert all(not e.option for e in mine) or target in dataset.joints
         return np.array([e.twists.ravel() for e in mine])

@@ -9,6 +9,7 @@ from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.options import AUTO, CalibrationOptions
 from atom_core.calibration.refine.joint_candidates import sizes_on_moving_parts
 from atom_core.calibration.refine.moving_trends import moving_trends
+from atom_core.calibration.refine.told_joints import told_joints
 from atom_core.geometry import se3
 from atom_core.model.dataset import pose
 from atom_core.problem.model_errors import ShiftTrend
@@ -20,6 +21,11 @@ from atom_core.report.verdict import GOOD
 from atom_core.synthetic import arm, scenes
 
 MAKERS = {"camera": scenes.hand_eye, "board": scenes.board_on_arm}
+
+
+def trends_in(found, of_all):
+    told = told_joints(found.dataset, found.problem)
+    return moving_trends(found.dataset, found.problem, told, of_all)
 
 
 def moving_edge(dataset):
@@ -45,7 +51,7 @@ def scaled(*factors):
 
 def trends_of(scene):
     found = calibrate(scene.dataset, CalibrationOptions())
-    return found, moving_trends(found.dataset, found.problem, True)
+    return found, trends_in(found, True)
 
 
 def test_a_trend_is_what_the_poses_change_by_as_the_part_moves_in_its_parent():
@@ -85,9 +91,9 @@ def test_what_a_joint_is_told_of_has_none():
     found = calibrate(
         arm.camera_on_arm(0, errors={}, collections=4).dataset, CalibrationOptions(joints={})
     )
-    assert moving_trends(found.dataset, found.problem, True) == []
+    assert trends_in(found, True) == []
     still = calibrate(scenes.two_cameras(0, collections=4).dataset, CalibrationOptions())
-    assert moving_trends(still.dataset, still.problem, True) == []
+    assert trends_in(still, True) == []
 
 
 def test_they_are_as_large_as_the_part_is_off_that_was_given_room():
@@ -100,10 +106,10 @@ def test_they_are_as_large_as_the_part_is_off_that_was_given_room():
 
 def test_a_part_that_is_taken_to_be_where_it_is_told_has_them_only_where_all_is_estimated():
     found, trends = trends_of(scenes.hand_eye(0, collections=6))
-    assert trends and moving_trends(found.dataset, found.problem, False) == []
+    assert trends and trends_in(found, False) == []
     options = CalibrationOptions(moving_edge_sigma={moving_edge(found.dataset).child: None})
     roomy = calibrate(scenes.hand_eye(0, collections=6).dataset, options)
-    assert len(moving_trends(roomy.dataset, roomy.problem, False)) == len(trends)
+    assert len(trends_in(roomy, False)) == len(trends)
 
 
 @pytest.mark.sampled(4)

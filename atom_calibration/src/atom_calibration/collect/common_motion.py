@@ -84,18 +84,13 @@ def _twist(tree: TransformTree, frame: str, parent: str, stamp_s: float) -> np.n
     return np.append(turn, move[:3, 3]) / (2.0 * _AROUND_S)
 
 
-def _sizes(twist: np.ndarray) -> Tuple[float, float]:
-    """Return how fast a twist (6,) moves the sensor [m/s] and turns it [rad/s]."""
-    return float(np.linalg.norm(twist[3:])), float(np.linalg.norm(twist[:3]))
-
-
 def _matters(twist: np.ndarray) -> bool:
-    metres, radians = (LATE_S * size for size in _sizes(twist))
+    metres, radians = (LATE_S * size for size in se3.twist_sizes(twist))
     return metres > _MOST_M or radians > _MOST_RAD
 
 
 def _caveat(name: str, twist: np.ndarray, count: int) -> Caveat:
-    metres, radians = _sizes(twist)
+    metres, radians = se3.twist_sizes(twist)
     return Caveat(
         (name,),
         f"it moved alike while the data of its {count} collections were taken, "

@@ -200,6 +200,11 @@ def pose_difference(a_T_b: np.ndarray, other_a_T_b: np.ndarray) -> Tuple[float, 
     return float(shift_m), float(angle_rad)
 
 
+def twist_sizes(twist: np.ndarray) -> Tuple[float, float]:
+    """Return how far a twist (6,) shifts [m] and turns [rad]; of a velocity likewise, a second."""
+    return float(np.linalg.norm(twist[3:])), float(np.linalg.norm(twist[:3]))
+
+
 def random_rotation(angle_rad: float, rng: np.random.Generator) -> np.ndarray:
     """Return a rotation (3, 3) of the given angle [rad] about an isotropically random axis."""
     return rotation_from_rotation_vector(angle_rad * random_direction(rng))

@@ -204,8 +204,8 @@ def edges_elsewhere(first: Dataset, second: Dataset) -> List[Edge]:
     Those of sensors and boards are passed over: the former are estimated as one wherever their
     guesses are, the latter have a pose for each collection or one, as the configuration says.
     """
-    left_out = {sensor.edge for sensor in first.sensors.values()}
-    left_out |= {board_edge(pattern) for pattern in first.patterns.values()}
+    boards = (board_edge(pattern) for pattern in first.patterns.values())
+    left_out = {*first.sensor_edges, *boards}
     edges = {e: None for c in first.collections.values() for e in c.transforms if e not in left_out}
     still = [
         edge
@@ -244,7 +244,7 @@ def _typed(
     moving = {*edges_elsewhere(first, second)}
     for data in (first, second):
         moving |= {edge for edge, kind in data.edge_types.items() if kind == MULTIPLE}
-    moving -= {sensor.edge for sensor in first.sensors.values()}
+    moving.difference_update(first.sensor_edges)
     for name, entry in entries.items():
         ends = (entry.get("parent"), entry.get("child")) if isinstance(entry, Mapping) else None
         if ends in moving:

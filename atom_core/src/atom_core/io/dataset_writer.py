@@ -266,7 +266,7 @@ def _header(frame: str, stamp_s: float, seq: int) -> Dict[str, Any]:
 
 def _edges(dataset: Dataset) -> Dict[str, Any]:
     """Return every edge of any collection with its type."""
-    calibrated = {sensor.edge for sensor in dataset.sensors.values()}
+    calibrated = set(dataset.sensor_edges)
     edges = dict.fromkeys(e for c in dataset.collections.values() for e in c.transforms)
     return {
         str(edge): {

@@ -197,8 +197,7 @@ def _additional_blocks(
 ) -> List[ParameterBlock]:
     collections = sorted({m.key.collection for m in measurements})
     blocks: List[ParameterBlock] = []
-    held = free.held_edges(dataset)
-    sensor_edges = {s.edge for s in dataset.sensors.values()}
+    held, sensor_edges = free.held_edges(dataset), dataset.sensor_edges
     for name, edge in free.additional_tfs.items():
         if edge in held or edge in sensor_edges:
             continue

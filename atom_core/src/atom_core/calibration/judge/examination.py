@@ -142,9 +142,13 @@ def _checked(solved: Solved) -> Examined:
     """Return the covariance, robust and combined, the model checks, what moved, what is untold."""
     initial, refined, options = solved.start.initial, solved.refined, solved.options
     loss, estimated = refined.options.loss, tuple(refined.summary.model_errors)
-    is_auto = options.model_errors == AUTO
     solution = checked(
-        initial, refined.solver, refined.summary, refined.options, True, of_all_motions=is_auto
+        initial,
+        refined.solver,
+        refined.summary,
+        refined.options,
+        with_fields=True,
+        of_all_motions=options.model_errors == AUTO,
     )
     equations, by_stop = solution.equations, solution.by_stop
     factors = sigma_factors(*by_stop, estimated)

@@ -51,7 +51,7 @@ def description_caveats(
 
 def _written(dataset: Dataset, free: FreeEdges) -> Set[Edge]:
     return {
-        *(sensor.edge for sensor in dataset.sensors.values()),
+        *dataset.sensor_edges,
         *free.additional_tfs.values(),
         *(joint.edge for name, joint in dataset.joints.items() if name in free.joints),
     }

@@ -135,7 +135,7 @@ def only_by_priors(
 def _tying_edges(dataset: Dataset) -> Set[Edge]:
     """Return the edges of which a prior says where the rig is in the world."""
     boards = {board_edge(pattern) for pattern in dataset.patterns.values() if pattern.fixed}
-    return boards | {sensor.edge for sensor in dataset.sensors.values()}
+    return boards.union(dataset.sensor_edges)
 
 
 def holding(

@@ -314,7 +314,7 @@ def check_not_alone(dataset: Dataset, measurements: Sequence[Measurement], free:
         CalibrationError: naming the sensor.
     """
     floating = [part for part in floating_parts(dataset, measurements, free) if part.sensors]
-    edges = {sensor.edge for sensor in dataset.sensors.values()}
+    edges = dataset.sensor_edges
     if floating and not (len(edges) > 1 or free.additional_tfs or free.joints or free.intrinsics):
         name = floating[0].sensors[0]
         raise CalibrationError(

@@ -8,6 +8,7 @@ import numpy as np
 
 from atom_core.calibration.refine.joint_candidates import joint_candidates
 from atom_core.calibration.refine.moving_trends import moving_trends
+from atom_core.calibration.refine.told_joints import told_joints
 from atom_core.calibration.start.boards import solved_dataset
 from atom_core.geometry.camera import Camera
 from atom_core.geometry.intrinsics import intrinsics_names
@@ -97,8 +98,9 @@ def candidates(
         for axis, bend in enumerate(bends):
             found += [BorderShift(name, axis), bend]
     solved = solved_dataset(dataset, problem, x, {})
-    trends = moving_trends(solved, problem, of_all_motions)
-    return [*found, *joint_candidates(solved, problem), *trends]
+    told = told_joints(solved, problem)
+    found += joint_candidates(solved, problem, told)
+    return [*found, *moving_trends(solved, problem, told, of_all_motions)]
 
 
 def _patterns_with_border(problem: Problem) -> Set[str]:

@@ -12,7 +12,7 @@ from typing import Dict, List, Mapping
 
 import numpy as np
 
-from atom_core.calibration.refine.told_joints import told_joints, twists_in_sensors
+from atom_core.calibration.refine.told_joints import States, twists_in_sensors
 from atom_core.geometry import se3
 from atom_core.model.dataset import Dataset
 from atom_core.model.joints import JointState
@@ -45,15 +45,18 @@ _OFFSETS = {
 }
 
 
-def joint_candidates(dataset: Dataset, problem: Problem) -> List[JointPositionError]:
+def joint_candidates(
+    dataset: Dataset, problem: Problem, told: Mapping[str, States]
+) -> List[JointPositionError]:
     """Return the errors that joints may have which are not estimated.
 
     Args:
         dataset: with the solution in its transforms.
         problem: whose detections are to depend on them.
+        told: the joints, as of `told_joints`.
     """
     found: List[JointPositionError] = []
-    for name, joints in told_joints(dataset, problem).items():
+    for name, joints in told.items():
         first = next(iter(joints.values()))
         axis = np.zeros(6)
         axis[TRANSLATION if first.is_prismatic else ROTATION] = first.axis  # the same in the child

@@ -39,7 +39,7 @@ from atom_core.calibration.refine.steps import (
 from atom_core.calibration.start.boards import solved_dataset
 from atom_core.geometry import se3
 from atom_core.model.dataset import Dataset, pose
-from atom_core.problem.blocks import BLOCK_SIZE, ROTATION, SENSOR, TRANSLATION
+from atom_core.problem.blocks import BLOCK_SIZE, SENSOR
 from atom_core.problem.problem import Problem
 from atom_core.solvers.base import Solver, SolverSummary
 from atom_core.solvers.detection_columns import DetectionColumns, collection_columns
@@ -90,7 +90,7 @@ class Moved(NamedTuple):
                 f"{one} did not stand still, its place differs from collection to collection"
                 f"{unsure}: fasten it, and collect again"
             )
-        far = f"{1e3 * self.translation_m:.2g} mm and {np.degrees(self.rotation_rad):.2g} deg"
+        far = _in_words(self.translation_m, self.rotation_rad)
         if self.crept:
             return (
                 f"{one} crept between collections {self.last} and {self.first}, by {far} little by "
@@ -125,7 +125,7 @@ class Misplaced(NamedTuple):
     @property
     def why(self) -> str:
         """One sentence for the user."""
-        off = f"{1e3 * self.translation_m:.2g} mm and {np.degrees(self.rotation_rad):.2g} deg"
+        off = _in_words(self.translation_m, self.rotation_rad)
         one = self.names[0]
         if not self.beside:
             return (
@@ -170,7 +170,7 @@ class OnceElsewhere(NamedTuple):
         where = f"collection {self.first}"
         if self.last != self.first:
             where = f"collections {self.first} to {self.last}"
-        far = f"{1e3 * self.translation_m:.2g} mm and {np.degrees(self.rotation_rad):.2g} deg"
+        far = _in_words(self.translation_m, self.rotation_rad)
         rival = "" if self.or_moved is None else f"; or {self.or_moved.why}"
         return (
             f"{one} seems to be elsewhere in {where} alone, by {far}, which does not tell a wrong "
@@ -226,7 +226,7 @@ def moved_sensors(
     if not is_clear and not (step.is_of_all and found.gain > ALIKE * explained + BY_CHANCE):
         return None
     names = (name, *(n for n, s in best.items() if n != name and s.gain > ALIKE * step.gain))
-    far = (*_sizes(found.value), found.gain)
+    far = (*se3.twist_sizes(found.value), found.gain)
     if step.is_of_all:
         return Misplaced(names, _beside(dataset, name), *far, is_clear)
     order = order_of_places(dataset, problem, x, names) if step.creeps else ""
@@ -272,7 +272,7 @@ def _or_once(
         return moved
     where = again.keys[best.first], again.ends[best.first]
     rival = moved if step.gain > ALIKE * best.gain else None
-    return OnceElsewhere(tuple(once), *where, *_sizes(found.value), found.gain, rival)
+    return OnceElsewhere(tuple(once), *where, *se3.twist_sizes(found.value), found.gain, rival)
 
 
 def _unplaced(dataset: Dataset, problem: Problem) -> List[str]:
@@ -284,8 +284,7 @@ def _unplaced(dataset: Dataset, problem: Problem) -> List[str]:
 
 def _beside(dataset: Dataset, name: str) -> Tuple[str, ...]:
     """Return the other sensors of a sensor's edge."""
-    edge = dataset.sensors[name].edge
-    return tuple(n for n, other in dataset.sensors.items() if n != name and other.edge == edge)
+    return tuple(other for other in dataset.sensors_on(dataset.sensors[name].edge) if other != name)
 
 
 def _motions(
@@ -363,7 +362,7 @@ def _by_bases(dataset: Dataset, problem: Problem, x: np.ndarray) -> Dict[str, np
         return found
     solved = solved_dataset(dataset, problem, x, {})
     graph = solved.graph
-    sensors = {sensor.edge for sensor in dataset.sensors.values()}
+    sensors = set(dataset.sensor_edges)
     for run, walked in runs.items():
         base = run[0].parent
         if sensors & {step.edge for step in graph.chain(dataset.world, base)}:
@@ -414,11 +413,10 @@ def _most_telling(steps: Mapping[str, Step]) -> Tuple[str, Step]:
 
 
 def _is_likely(value: np.ndarray) -> bool:
-    shift, turn = _sizes(value)
+    shift, turn = se3.twist_sizes(value)
     is_much = shift > _LEAST_M or turn > _LEAST_RAD
     return bool(is_much and shift < _MOST_M and turn < _MOST_RAD)
 
 
-def _sizes(value: np.ndarray) -> Tuple[float, float]:
-    """Return how far six numbers shift [m] and turn [rad]."""
-    return float(np.linalg.norm(value[TRANSLATION])), float(np.linalg.norm(value[ROTATION]))
+def _in_words(translation_m: float, rotation_rad: float) -> str:
+    return f"{1e3 * translation_m:.2g} mm and {np.degrees(rotation_rad):.2g} deg"

@@ -7,12 +7,12 @@ alike. What is linear in its six coordinates stands for these.
 
 from __future__ import annotations
 
-from typing import List
+from typing import List, Mapping
 
 import numpy as np
 
 from atom_core.calibration.prepare.moving_parts import moves
-from atom_core.calibration.refine.told_joints import edges_between, told_joints, twists_in_sensors
+from atom_core.calibration.refine.told_joints import States, edges_between, twists_in_sensors
 from atom_core.geometry import se3
 from atom_core.model.dataset import Dataset, board_edge
 from atom_core.model.transforms import Edge
@@ -25,7 +25,9 @@ _STILL = 1e-4  # m, rad by which a coordinate hardly changes
 _REACH_M = 3.0  # of an arm: what is farther from its parent's origin is not scaled from there
 
 
-def moving_trends(dataset: Dataset, problem: Problem, of_all: bool) -> List[JointPositionError]:
+def moving_trends(
+    dataset: Dataset, problem: Problem, told: Mapping[str, States], of_all: bool
+) -> List[JointPositionError]:
     """Return what moving parts may be off in proportion to their coordinates.
 
     Each number is the standard deviation [m, rad], over the detections, of what a part is off along
@@ -34,14 +36,14 @@ def moving_trends(dataset: Dataset, problem: Problem, of_all: bool) -> List[Join
     Args:
         dataset: with the solution in its transforms.
         problem: whose detections.
+        told: the joints, as of `told_joints`.
         of_all: also of parts that have no room.
     """
     blocks = problem.parameters.blocks
     known = {block.edge for block in blocks if not isinstance(block, MovingBlock)}
     known |= {board_edge(pattern) for pattern in dataset.patterns.values()}
     known |= {joint.edge for joint in dataset.joints.values()}
-    for states in told_joints(dataset, problem).values():
-        known.add(next(iter(states.values())).edge)
+    known |= {next(iter(states.values())).edge for states in told.values()}
     found: List[JointPositionError] = []
     roomy = {block.edge for block in blocks if isinstance(block, MovingBlock)}
     for edge in edges_between(dataset, problem):
