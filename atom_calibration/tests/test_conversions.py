@@ -18,7 +18,7 @@ from atom_calibration.messages.clouds import (
     cloud_xyz,
     point_cloud,
 )
-from atom_calibration.messages.images import colour_image, depth_image
+from atom_calibration.messages.images import colour_image, depth_image, image_size
 from atom_calibration.messages.poses import edge_of, transform_matrix
 from atom_calibration.messages.scans import laser_scan
 from atom_calibration.sources.bag_reader import BagReader
@@ -230,10 +230,34 @@ def test_other_encodings_of_a_compressed_image_are_refused():
         colour_image(CompressedImage(format="bmp", data=bmp))
 
 
-def test_depth_that_is_packed_by_rvl_is_named():
-    message = CompressedImage(format="16UC1; compressedDepth rvl", data=bytes(500))
-    with pytest.raises(MessageError, match="compressed with RVL .* pack it as PNG"):
-        depth_image(message)
+# What rvl 1.0.4 and pyrvl 0.0.1, other packages than ours, make of the depths below.
+RVL = struct.pack("<II", 3, 2) + bytes.fromhex("23e58f1300000020")
+
+
+def test_depth_that_is_packed_by_rvl_is_read():
+    message = CompressedImage(format="16UC1; compressedDepth rvl", data=bytes(12) + RVL)
+    nan = np.nan
+    np.testing.assert_allclose(depth_image(message), [[nan, 1.5, 1.501], [1.499, nan, nan]], 1e-6)
+    assert image_size(message) == (3, 2)
+    for data in (bytes(12) + RVL[:-4], bytes(12), bytes(12) + b"\xff" * 40):
+        with pytest.raises(
+            MessageError, match="compressedDepth rvl.* cannot be decoded: .*record it"
+        ):
+            depth_image(CompressedImage(format=message.format, data=data))
+
+
+def test_inverse_depth_is_read_without_a_trend():
+    """The transport stores the inverse depth rounded down; it is right in the mean all the same."""
+    depth_m = np.linspace(0.5, 5.0, 40_000).astype(np.float32).reshape(200, 200)
+    a = np.float32(100.0 * 101.0)
+    b = np.float32(1.0 - a / 10.0)
+    stored = (a / depth_m + b).astype(np.uint16)
+    header = struct.pack("<iff", 1, a, b)
+    data = header + cv2.imencode(".png", stored)[1].tobytes()
+    read_m = depth_image(CompressedImage(format="32FC1; compressedDepth png", data=data))
+    errors_steps = (a / read_m - a / depth_m).ravel()
+    assert np.max(np.abs(errors_steps)) < 0.51
+    assert np.abs(np.mean(errors_steps)) < 0.01
 
 
 LAYOUTS = {

@@ -16,6 +16,7 @@ from sensor_msgs.msg import Image
 from atom_calibration.errors import MessageError
 from atom_core import opencv as cv2
 from atom_core.io.encoded_images import decode_image, encoded_image_size
+from atom_core.io.rvl import decode_rvl, rvl_image_size
 
 IMAGE, COMPRESSED_IMAGE = "sensor_msgs/Image", "sensor_msgs/CompressedImage"
 _CHANNEL_TYPES = {
@@ -61,7 +62,7 @@ _PIXELS_FOR_A_HOT_ONE = 10_000  # which is as bright as 16 bits can tell, whatev
 _DEPTHS = (8, 10, 12, 16)  # bits in which cameras measure
 _MILLIMETRE = 0.001  # REP 118: depths of whole numbers are millimetres
 _DEPTH_ENCODINGS = ("16UC1", "32FC1", "64FC1")  # encodings that depth cameras use
-_COMPRESSED_DEPTH_HEADER = 12  # bytes of compressed_depth_image_transport before the PNG
+_COMPRESSED_DEPTH_HEADER = 12  # bytes of compressed_depth_image_transport before the image
 
 
 def colour_image(message: Any) -> np.ndarray:
@@ -139,7 +140,8 @@ def image_size(message: Any) -> Optional[Tuple[int, int]]:
     if hasattr(message, "width"):
         return int(message.width), int(message.height)
     start = _COMPRESSED_DEPTH_HEADER if "compressedDepth" in message.format else 0
-    return encoded_image_size(bytes(message.data[start:]))
+    size = rvl_image_size if _is_rvl(message) else encoded_image_size
+    return size(bytes(message.data[start:]))
 
 
 def _pixels(message: Any, kind: str, channels: int) -> np.ndarray:
@@ -165,8 +167,11 @@ def _pixels(message: Any, kind: str, channels: int) -> np.ndarray:
 
 
 def _decompressed(message: Any, flags: int, header_bytes: int = 0) -> np.ndarray:
+    data = bytes(message.data[header_bytes:])
     try:
-        return decode_image(bytes(message.data[header_bytes:]), flags, any_encoding=False)
+        if _is_rvl(message):
+            return decode_rvl(data)
+        return decode_image(data, flags, any_encoding=False)
     except ValueError as error:
         raise MessageError(
             f"the compressed image (format '{message.format}', {len(message.data)} bytes) cannot "
@@ -174,29 +179,33 @@ def _decompressed(message: Any, flags: int, header_bytes: int = 0) -> np.ndarray
         ) from error
 
 
+def _is_rvl(message: Any) -> bool:
+    return "compressedDepth rvl" in message.format
+
+
 def _decompressed_depth(message: Any) -> np.ndarray:
     """Return what compressed_image_transport or compressed_depth_image_transport packed."""
-    stored: Any
-    if "compressedDepth" not in message.format:
-        stored = _decompressed(message, cv2.IMREAD_UNCHANGED)
-    elif "rvl" in message.format.lower():
-        raise MessageError(
-            f"the depth is compressed with RVL (format '{message.format}'), which is not read; let "
-            f"the driver pack it as PNG (.../compressedDepth/format), or record the raw topic"
-        )
-    else:
-        stored = _decompressed(message, cv2.IMREAD_UNCHANGED, _COMPRESSED_DEPTH_HEADER)
-        if message.format.startswith("32FC1"):
-            # The transport stores a / depth + b, with a and b in the header.
-            a, b = np.frombuffer(message.data, dtype="<f4", count=3)[1:]
-            with np.errstate(divide="ignore"):
-                return np.where(stored > 0, a / (stored - b), np.nan).astype(np.float32)
+    by_depth_transport = "compressedDepth" in message.format
+    header_bytes = _COMPRESSED_DEPTH_HEADER if by_depth_transport else 0
+    stored = _decompressed(message, cv2.IMREAD_UNCHANGED, header_bytes)
     if stored.ndim != 2 or stored.dtype != np.uint16:
         raise MessageError(
             f"the compressed image (format '{message.format}') is no depth of 16 bits; is it "
             f"another sensor's, or was it packed as JPEG?"
         )
+    if by_depth_transport and message.format.startswith("32FC1"):
+        return _depth_of_inverse(stored, *np.frombuffer(message.data, dtype="<f4", count=3)[1:])
     return stored
+
+
+def _depth_of_inverse(stored: np.ndarray, a: float, b: float) -> np.ndarray:
+    """Return depths [m] of which compressed_depth_image_transport stores ``a / depth + b``.
+
+    It rounds down, so the depth is taken from the middle of the step: with its usual
+    ``depth_quantization`` of 100, depths would else be half a millimetre too far at 3 m.
+    """
+    with np.errstate(divide="ignore"):
+        return np.where(stored > 0, a / (stored + np.float32(0.5) - b), np.nan).astype(np.float32)
 
 
 def _eight_bits(image: np.ndarray) -> np.ndarray:
