@@ -21,6 +21,7 @@ from atom_core.model.modality import SeedFormat, modality_named
 from atom_core.model.sensor import Sensor
 
 SEEDS_FILE = "seeds.yaml"
+_Dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # libyaml's, where it was built in
 
 
 @dataclass(frozen=True)
@@ -87,7 +88,7 @@ def write_seeds(path: Path, seeds: Sequence[Seed], sensors: Mapping[str, Sensor]
         assert form is not None
         position = [float(v) for v in seed.position]
         entries.append({"stamp": seed.stamp_s, "sensor": seed.sensor, form.key: position})
-    text = yaml.safe_dump(entries, sort_keys=False, default_flow_style=None, width=100)
+    text = yaml.dump(entries, Dumper=_Dumper, sort_keys=False, default_flow_style=None, width=100)
     write_text_atomically(path, text)
 
 
