@@ -36,6 +36,7 @@ constexpr double kWideLayer = 0.4;    // of the shorter side: layers beyond the 
 constexpr double kSolid = 0.6;        // of them returns, and
 constexpr double kFarBeyond = 0.12;   // of that side away
 constexpr int kFitted = 4;            // progress of what a rectangle was laid on
+constexpr double kAllInView = 0.99;   // of a board, else one without its ends may be a larger one
 constexpr std::size_t kNearest = 4;   // ends on each side that are limit points in any case
 
 // ---- the surface: plane and threshold from the piece itself, and the piece from them
@@ -404,12 +405,12 @@ BoardSegment Judged(const BoardSearch& search, std::vector<int> piece, bool soli
 }
 
 // Where layers are sparse, as the outer ones of a VLP-32C, one post may be all that they meet of
-// what carries a board.
+// what carries a board. The narrow end of a larger board that the view cuts looks the same.
 BoardSegment Judge(const BoardSearch& search, std::vector<int> piece) {
   const BoardSegment segment = Judged(search, piece, false);
   if (segment.progress < kFitted || !segment.indices.empty()) return segment;
   const BoardSegment again = Judged(search, std::move(piece), true);
-  return again.indices.empty() ? segment : again;
+  return again.indices.empty() || again.in_view < kAllInView ? segment : again;
 }
 
 }  // namespace

@@ -100,6 +100,7 @@ def test_a_cut_board_at_the_seed_is_in_doubt_beside_a_whole_one():
         ("second board", "depth", 1166),  # the image cuts one with a side as long as the board's
         ("second board", "depth points", 1144),
         ("another one, cut", "depth", 1163),  # no two opposite sides lie on the border
+        ("another one, cut", "64 layers", 22),  # without its narrow end it is as long as the board
     ],
 )
 def test_what_looks_like_a_part_of_the_board_is_none(difficulty, kind, number):
