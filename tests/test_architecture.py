@@ -1,4 +1,4 @@
-"""What docs/architecture.md promises of the modalities, counted."""
+"""What docs/architecture.md promises of the modalities, counted; and how nodes start."""
 
 import re
 from pathlib import Path
@@ -34,3 +34,18 @@ def test_what_the_pattern_finds():
         assert BRANCH.search(line)
     for line in ("for modality in modalities():", "if block.modality == modality"):
         assert not BRANCH.search(line)
+
+
+def test_nodes_start_in_one_way():
+    """With the handler of rospy a signal amid a message may wait for that message for ever."""
+    starting = {
+        file.relative_to(ROOT).as_posix(): line.strip()
+        for file in ROOT.glob("*/src/**/*.py")
+        for line in file.read_text(encoding="utf-8").splitlines()
+        if "init_node(" in line
+    }
+    assert starting == {
+        "atom_calibration/src/atom_calibration/runtime/running.py": (
+            "rospy.init_node(name, disable_signals=True)"
+        )
+    }

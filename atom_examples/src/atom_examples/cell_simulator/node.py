@@ -28,6 +28,7 @@ from visualization_msgs.msg import (
     Marker,
 )
 
+from atom_calibration.runtime import running
 from atom_core.geometry import se3
 from atom_examples.cell_simulator import messages
 from atom_examples.cell_simulator.devices import CameraDevice, Device, Packing, devices_of
@@ -56,10 +57,15 @@ def run(seed: int, initial_estimate: str, depth_encoding: str, rtf: float, **of_
     # Takes seconds; only as long as this is no node does Ctrl-C end it at once.
     world = World(seed, **of_world)
     try:
-        rospy.init_node(NODE)
+        # With the handler of rospy Ctrl-C amid a message may wait for that message for ever.
+        running.start(NODE)
         LiveCell(world, initial_estimate, depth_encoding, rtf).spin()
     finally:
         world.scene.close()
+        if rospy.core.is_initialized():
+            rospy.signal_shutdown("done")
+    if running.lost():
+        raise SimulatorError(running.lost())
     return 0
 
 
@@ -105,10 +111,10 @@ class LiveCell:
         rospy.Service("~pause", SetBool, self._pause)
 
     def spin(self) -> None:
-        """Make time pass until shutdown."""
+        """Make time pass until the node is asked to end."""
         self._tf_static.publish(messages.transforms(self._still, self._stamp()))
         next_wall = time.monotonic()
-        while not rospy.is_shutdown():
+        while not running.stopped():
             if self._paused and not self._steps.acquire(timeout=0.05):
                 next_wall = time.monotonic()
                 continue
@@ -134,7 +140,7 @@ class LiveCell:
         head = messages.header(self.world.rig.world, stamp)
         self._truth.publish(PoseStamped(head, messages.pose(board)))
         for number, output in enumerate(self._outputs):
-            if rospy.is_shutdown():  # on a busy machine all sensors together take seconds
+            if running.stopped():  # on a busy machine all sensors together take seconds
                 return
             if self._tick % output.period == 0:
                 self._publish_sensor(number, output, stamp)
