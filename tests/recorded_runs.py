@@ -44,7 +44,7 @@ RUNS = (
         "in ce2ae2c)",
     ),
     Run(
-        "`make test-long JOBS=3`, the last one",
+        "`make test-long JOBS=3`, broken off",
         "2026-11-28",
         "04bd345b",
         "**not whole**: ended after 2 h 7 min on a slower machine, 656 of 1,168 tests passed, one "

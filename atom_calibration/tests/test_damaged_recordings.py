@@ -23,7 +23,7 @@ from atom_calibration.sources.bag_reader import BagReader
 
 DRAWS = [pytest.param(0, 400), *(pytest.param(s, 5000, marks=pytest.mark.long) for s in (1, 2, 3))]
 COUNTS = [0, 1, 2, 3, 5, 255, 2**16, 2**31 - 1, 2**31, 2**32 - 1]
-HOW = ["", " png", " rvl"]
+CODECS = ["", " png", " rvl"]
 NUMBERS = [0.0, 1.0, -1.0, 1e-30, 1e30, 1e308, np.nan, np.inf]
 CLOUD = cloud_message(np.zeros(50, [(n, "<f4") for n in "xyz"] + [("ring", "<u2")]), is_dense=True)
 
@@ -59,7 +59,9 @@ def damaged_compressed(drawn):
     for _ in range(drawn.randint(0, 4)):
         data[drawn.randrange(len(data))] = drawn.getrandbits(8)
     header = bytes(drawn.choice([0, 12]))
-    depths = [f"{encoding}; compressedDepth{how}" for encoding in ("16UC1", "32FC1") for how in HOW]
+    depths = [
+        f"{encoding}; compressedDepth{codec}" for encoding in ("16UC1", "32FC1") for codec in CODECS
+    ]
     kind = drawn.choice(["jpeg", "", *depths])
     return CompressedImage(format=kind, data=header + bytes(data[: drawn.choice([20, 10_000])]))
 

@@ -139,9 +139,8 @@ def image_size(message: Any) -> Optional[Tuple[int, int]]:
     """Return width and height of an Image or CompressedImage [px], None where it does not tell."""
     if hasattr(message, "width"):
         return int(message.width), int(message.height)
-    start = _COMPRESSED_DEPTH_HEADER if "compressedDepth" in message.format else 0
     size = rvl_image_size if _is_rvl(message) else encoded_image_size
-    return size(bytes(message.data[start:]))
+    return size(bytes(message.data[_depth_header_bytes(message) :]))
 
 
 def _pixels(message: Any, kind: str, channels: int) -> np.ndarray:
@@ -179,21 +178,25 @@ def _decompressed(message: Any, flags: int, header_bytes: int = 0) -> np.ndarray
         ) from error
 
 
+def _depth_header_bytes(message: Any) -> int:
+    """Return how many bytes compressed_depth_image_transport puts before an image, if it did."""
+    return _COMPRESSED_DEPTH_HEADER if "compressedDepth" in message.format else 0
+
+
 def _is_rvl(message: Any) -> bool:
     return "compressedDepth rvl" in message.format
 
 
 def _decompressed_depth(message: Any) -> np.ndarray:
     """Return what compressed_image_transport or compressed_depth_image_transport packed."""
-    by_depth_transport = "compressedDepth" in message.format
-    header_bytes = _COMPRESSED_DEPTH_HEADER if by_depth_transport else 0
+    header_bytes = _depth_header_bytes(message)
     stored = _decompressed(message, cv2.IMREAD_UNCHANGED, header_bytes)
     if stored.ndim != 2 or stored.dtype != np.uint16:
         raise MessageError(
             f"the compressed image (format '{message.format}') is no depth of 16 bits; is it "
             f"another sensor's, or was it packed as JPEG?"
         )
-    if by_depth_transport and message.format.startswith("32FC1"):
+    if header_bytes and message.format.startswith("32FC1"):
         return _depth_of_inverse(stored, *np.frombuffer(message.data, dtype="<f4", count=3)[1:])
     return stored
 

@@ -50,18 +50,25 @@ def decode_image(data: bytes, flags: int, any_encoding: bool = True) -> np.ndarr
 def _flaw(data: bytes) -> str:
     if not data:
         return "it is empty"
-    width, height = encoded_image_size(data) or (0, 0)
-    if width * height > MOST_PIXELS:
-        return (
-            f"it says that it has {width} x {height} pixels; "
-            f"at most {MOST_PIXELS // 1_000_000} million are read"
-        )
+    flaw = too_many_pixels(*(encoded_image_size(data) or (0, 0)))
+    if flaw:
+        return flaw
     if data.startswith(_PNG_SIGNATURE):
         return _png_damage(data)
     # After the last scan nothing but the end mark may look like one: 0xff is escaped in a scan.
     if data.startswith(_JPEG_START) and data.rfind(_JPEG_END) < data.rfind(_JPEG_SCAN):
         return "the JPEG is cut off"
     return ""
+
+
+def too_many_pixels(width: int, height: int) -> str:
+    """Return what is wrong with a size [pixels] that a header claims; empty: nothing."""
+    if width * height <= MOST_PIXELS:
+        return ""
+    return (
+        f"it says that it has {width} x {height} pixels; "
+        f"at most {MOST_PIXELS // 1_000_000} million are read"
+    )
 
 
 def encoded_image_size(data: bytes) -> Optional[Tuple[int, int]]:

@@ -12,7 +12,7 @@ from typing import Optional, Tuple
 
 import numpy as np
 
-from atom_core.io.encoded_images import MOST_PIXELS
+from atom_core.io.encoded_images import too_many_pixels
 
 _SIZE = struct.Struct("<II")  # width and height [pixels]
 _MORE = 0b1000  # of a nibble: the number goes on in the next one
@@ -33,17 +33,15 @@ def decode_rvl(data: bytes) -> np.ndarray:
         data: width and height, then what the codec made.
 
     Raises:
-        ValueError: it is empty, cut off, damaged or larger than `MOST_PIXELS`; a few words that
+        ValueError: it is empty, cut off, damaged or too large (`too_many_pixels`); a few words that
             can follow the name of a file.
     """
     width, height = rvl_image_size(data) or (0, 0)
     if not width * height:
         raise ValueError("it is empty")
-    if width * height > MOST_PIXELS:
-        raise ValueError(
-            f"it says that it has {width} x {height} pixels; "
-            f"at most {MOST_PIXELS // 1_000_000} million are read"
-        )
+    flaw = too_many_pixels(width, height)
+    if flaw:
+        raise ValueError(flaw)
     longest = _MOST_BYTES * (width * height + 1)
     numbers = _numbers(data[_SIZE.size : _SIZE.size + longest])
     runs = _runs(numbers, width * height)
@@ -61,12 +59,12 @@ def _numbers(data: bytes) -> np.ndarray:
     in_order = words.astype(">u4").view(np.uint8)  # the first nibble is the word's highest
     nibbles = np.column_stack([in_order >> 4, in_order & 0xF]).ravel().astype(np.int64)
     ends = np.flatnonzero(nibbles < _MORE) + 1
-    starts = np.concatenate([[0], ends[:-1]]).astype(int)
+    if not len(ends):
+        return np.zeros(0, dtype=np.int64)
+    starts = np.concatenate([[0], ends[:-1]])
     lengths = ends - starts
     if np.any(lengths > _MOST_NIBBLES):
         raise ValueError("it is damaged: a number has more than 32 bits")
-    if not len(ends):
-        return np.zeros(0, dtype=np.int64)
     place = np.arange(ends[-1]) - np.repeat(starts, lengths)
     digits = (nibbles[: ends[-1]] & (_MORE - 1)) << (_BITS * place)
     return np.add.reduceat(digits, starts)

@@ -16,12 +16,11 @@ import yaml
 from atom_core.errors import ConfigError
 from atom_core.io.atomic import write_text_atomically
 from atom_core.io.paths import unread
-from atom_core.io.yaml_text import load_yaml_1_1
+from atom_core.io.yaml_text import dump_yaml_1_1, load_yaml_1_1
 from atom_core.model.modality import SeedFormat, modality_named
 from atom_core.model.sensor import Sensor
 
 SEEDS_FILE = "seeds.yaml"
-_Dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # libyaml's, where it was built in
 
 
 @dataclass(frozen=True)
@@ -88,7 +87,7 @@ def write_seeds(path: Path, seeds: Sequence[Seed], sensors: Mapping[str, Sensor]
         assert form is not None
         position = [float(v) for v in seed.position]
         entries.append({"stamp": seed.stamp_s, "sensor": seed.sensor, form.key: position})
-    text = yaml.dump(entries, Dumper=_Dumper, sort_keys=False, default_flow_style=None, width=100)
+    text = dump_yaml_1_1(entries, sort_keys=False, default_flow_style=None, width=100)
     write_text_atomically(path, text)
 
 

@@ -56,17 +56,16 @@ def run(seed: int, initial_estimate: str, depth_encoding: str, rtf: float, **of_
         ) from None
     # Takes seconds; only as long as this is no node does Ctrl-C end it at once.
     world = World(seed, **of_world)
-    try:
-        # With the handler of rospy Ctrl-C amid a message may wait for that message for ever.
+
+    def live() -> int:
         running.start(NODE)
         LiveCell(world, initial_estimate, depth_encoding, rtf).spin()
+        return 0
+
+    try:
+        return running.guarded(NODE, live)
     finally:
         world.scene.close()
-        if rospy.core.is_initialized():
-            rospy.signal_shutdown("done")
-    if running.lost():
-        raise SimulatorError(running.lost())
-    return 0
 
 
 class _Output(NamedTuple):
