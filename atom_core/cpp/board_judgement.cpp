@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "board_beside.h"
+#include "board_border.h"
 #include "board_contact.h"
 #include "board_filling.h"
 #include "board_size.h"
@@ -28,16 +29,15 @@ std::nullopt_t Reject(int progress, const std::string& reason, BoardSegment* seg
 namespace {
 
 constexpr int kRefits = 6;
-constexpr double kStripShare = 0.5;   // of the shorter half side: gaps that a run bridges
-constexpr double kBorderShare = 0.7;  // of the layers' ends that must lie on the border
-constexpr double kFlatness = 2.0;     // of the scatter along layers, and
-constexpr double kUneven = 0.008;     // [m] about the plane are flat
-constexpr double kWideLayer = 0.4;    // of the shorter side: layers beyond the board count, if
-constexpr double kSolid = 0.6;        // of them returns, and
-constexpr double kFarBeyond = 0.12;   // of that side away
-constexpr int kFitted = 4;            // progress of what a rectangle was laid on
-constexpr double kAllInView = 0.99;   // of a board, else one without its ends may be a larger one
-constexpr std::size_t kNearest = 4;   // ends on each side that are limit points in any case
+constexpr double kStripShare = 0.5;  // of the shorter half side: gaps that a run bridges
+constexpr double kFlatness = 2.0;    // of the scatter along layers, and
+constexpr double kUneven = 0.008;    // [m] about the plane are flat
+constexpr double kWideLayer = 0.4;   // of the shorter side: layers beyond the board count, if
+constexpr double kSolid = 0.6;       // of them returns, and
+constexpr double kFarBeyond = 0.12;  // of that side away
+constexpr int kFitted = 4;           // progress of what a rectangle was laid on
+constexpr double kAllInView = 0.99;  // of a board, else one without its ends may be a larger one
+constexpr std::size_t kNearest = 4;  // ends on each side that are limit points in any case
 
 // ---- the surface: plane and threshold from the piece itself, and the piece from them
 
@@ -199,31 +199,6 @@ std::optional<Surface> Restrict(const BoardSearch& search, const Surface& surfac
   return SurfaceOf(search, std::move(inside), segment);
 }
 
-// Tells whether enough ends of layers lie on the border.
-//
-// open: ends beyond which the surface goes on.
-bool BorderFits(const Surface& surface, const RectanglePose& pose, const Outline& outline, int open,
-                BoardSegment* segment) {
-  double sum = 0.0;
-  int near = 0;
-  for (const auto& point : outline.limits) {
-    const double distance = SignedDistance(pose.ToBoard(point), surface.seen_half());
-    if (std::abs(distance) > 3.0 * surface.Tolerance()) continue;
-    sum += distance * distance;
-    ++near;
-  }
-  segment->border_rms = std::sqrt(sum / std::max(near, 1));
-  const double all = outline.limits.size() + open;
-  if (near >= kBorderShare * all && near >= 4 && segment->border_rms < surface.Tolerance()) {
-    return true;
-  }
-  Reject(5,
-         Text("the outline is not the board's (%.0f of %.0f ends of layers on it, %.0f mm RMS)",
-              near, all, 1e3 * segment->border_rms),
-         segment);
-  return false;
-}
-
 // The board's rectangle in the axes of a surface nearly in its plane.
 RectanglePose InPlaneOf(const Surface& surface, const BoardSegment& segment) {
   RectanglePose pose;
@@ -281,20 +256,8 @@ bool IsAll(const BoardSearch& search, const Surface& surface, const RectanglePos
 // The rectangle, from the ends of the layers where the surface does not go on beyond them.
 std::optional<RectanglePose> FitToEnds(const BoardSearch& search, const Surface& surface,
                                        BoardSegment* segment) {
-  Outline outline;
-  int open = 0;
-  const auto add = [&](int i, int side) {
-    if (surface.GoesOn(i, side)) {
-      ++open;
-    } else {
-      surface.AddEnd(i, side, &outline);
-    }
-  };
-  for (const auto& end : surface.ends()) {
-    add(end.first, -1);
-    add(end.second, 1);
-  }
-  surface.AddLayersAround(&outline.outside);
+  const LayerBorders borders = FindBorders(surface);
+  const Outline& outline = borders.outline;
   const std::size_t layers = surface.ends().size();
   if (outline.limits.size() < std::max<std::size_t>(4, layers - 1)) {
     return Reject(
@@ -306,7 +269,7 @@ std::optional<RectanglePose> FitToEnds(const BoardSearch& search, const Surface&
       InMiddle(outline, surface.seen_half(), FitRectangle(outline, surface.seen_half()));
   SetPose(surface, pose, segment);
   if (!SizeFits(search, surface, pose, outline, segment) ||
-      !BorderFits(surface, pose, outline, open, segment)) {
+      !BorderFits(surface, pose, borders, segment)) {
     return std::nullopt;
   }
   segment->unsure = !IsToldBySize(search, surface, pose, outline, segment);

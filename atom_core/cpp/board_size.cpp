@@ -12,6 +12,7 @@ namespace {
 constexpr double kSizeSteps = 0.5;      // beam steps that a size may be off beside its tolerance
 constexpr double kMostSmaller = 0.035;  // of a side: nothing makes a board look smaller
 constexpr int kLeastEnds = 2;           // of layers, on each of two opposite sides of it
+constexpr double kMostGap = 0.25;       // of the shorter side, to the layer beyond a board's end
 constexpr double kWideBeamSteps = 2.0;  // by which beams of unknown width may enlarge a board
 
 // By how much [m] beams of unknown width may enlarge a board.
@@ -19,14 +20,24 @@ double Widening(const BoardSearch& search, const Surface& surface) {
   return search.options.beam_width > 0.0 ? 0.0 : kWideBeamSteps * surface.StepOnBoard();
 }
 
-// Tells whether the lowest or the highest layer of the scan meets a surface: nothing tells where it
-// ends beyond.
-bool IsCut(const BoardSearch& search, const Surface& surface) {
-  const int highest = static_cast<int>(search.scan.layer_elevation.size()) - 1;
-  return std::any_of(surface.ends().begin(), surface.ends().end(), [&](const auto& end) {
-    const int layer = search.At(end.first).layer;
-    return layer == 0 || layer == highest;
-  });
+// Why nothing tells where a surface ends beyond its lowest or its highest layer; empty if the next
+// layer of the scan passes near by.
+std::string WhyOpen(const BoardSearch& search, const Surface& surface) {
+  const std::vector<double>& elevation = search.scan.layer_elevation;
+  const double most = kMostGap * search.options.size.minCoeff();
+  double widest = 0.0;
+  for (const int step : {-1, 1}) {
+    const auto& end = step < 0 ? surface.ends().front() : surface.ends().back();
+    const int next = search.At(end.first).layer + step;
+    if (next < 0 || next >= static_cast<int>(elevation.size())) {
+      return "the sensor's lowest or highest layer cuts it: bring all of it into view";
+    }
+    widest = std::max(widest, surface.ToLayer((end.first + end.second) / 2, elevation[next]));
+  }
+  if (widest <= most) return "";
+  return Text(
+      "the sensor's layers are %.0f cm apart where it ends: bring it to where they are dense",
+      100.0 * widest);
 }
 
 }  // namespace
@@ -79,7 +90,8 @@ bool SizeFits(const BoardSearch& search, const Surface& surface, const Rectangle
 
 bool IsToldBySize(const BoardSearch& search, const Surface& surface, const RectanglePose& pose,
                   const Outline& outline, BoardSegment* segment) {
-  if (!IsCut(search, surface)) return true;
+  const std::string open = WhyOpen(search, surface);
+  if (open.empty()) return true;
   const Eigen::Vector2d half = surface.seen_half();
   const Eigen::Vector2d measured = MeasureSize(outline.limits, pose, half, nullptr, kLeastEnds) -
                                    2.0 * (half - search.HalfSize());
@@ -97,10 +109,7 @@ bool IsToldBySize(const BoardSearch& search, const Surface& surface, const Recta
   const std::string reason =
       one ? SizeReason(measured, search.options)
           : "no two opposite sides of the plane there are seen, so that its size is not known";
-  Reject(7,
-         reason + "; the sensor's lowest or highest layer cuts it: bring all of it into view, or " +
-             "let a camera see it, too",
-         segment);
+  Reject(7, reason + "; " + open + ", or let a camera see it, too", segment);
   return false;
 }
 

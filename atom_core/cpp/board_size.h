@@ -36,8 +36,8 @@ bool SizeFits(const BoardSearch& search, const Surface& surface, const Rectangle
               const Outline& outline, BoardSegment* segment);
 
 /// Tells whether a board that fits is also told from larger and smaller ones: where the lowest or
-/// the highest layer of the scan meets it, nothing shows where it ends beyond, and only two
-/// opposite sides tell its size.
+/// the highest layer of the scan meets it, or the next layer passes far away, nothing shows where
+/// it ends beyond, and only two opposite sides tell its size.
 ///
 /// \param segment gets the reason why it is not told.
 bool IsToldBySize(const BoardSearch& search, const Surface& surface, const RectanglePose& pose,

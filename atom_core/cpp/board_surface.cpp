@@ -54,6 +54,20 @@ double Surface::StepOnBoard() const {
   return search_->scan.azimuth_step * origin_.norm() / std::max(std::cos(incidence_), kLeastCosine);
 }
 
+double Surface::LayerSpacing(int i) const {
+  const std::vector<double>& elevation = search_->scan.layer_elevation;
+  const int layer = At(i).layer, highest = static_cast<int>(elevation.size()) - 1;
+  const int low = std::max(layer - 1, 0), high = std::min(layer + 1, highest);
+  return high > low ? (elevation[high] - elevation[low]) / (high - low) : 0.0;
+}
+
+double Surface::ToLayer(int i, double elevation) const {
+  Eigen::Vector2d here, there;
+  const Eigen::Vector3d beam = search_->scan.Direction(At(i).azimuth, elevation);
+  if (!Meets(At(i).position / At(i).range, &here) || !Meets(beam, &there)) return origin_.norm();
+  return (there - here).norm();
+}
+
 double Surface::Tolerance() const {
   const BoardOptions& options = search_->options;
   return options.border_tolerance + std::min(StepOnBoard(), 0.05 * options.size.minCoeff());

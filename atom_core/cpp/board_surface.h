@@ -65,6 +65,14 @@ class Surface {
 
   /// Returns a length on the board that one beam step spans, at the middle of the piece [m].
   double StepOnBoard() const;
+  /// Returns the angle from half way to the layer below to half way to the one above [rad].
+  ///
+  /// \param i a return of the layer. Beyond the lowest and the highest one it is as on their other
+  /// side.
+  double LayerSpacing(int i) const;
+  /// Returns how far the beam of a return is, where it meets the plane, from a layer above or below
+  /// it [m]; the distance to the sensor if one of them does not meet it.
+  double ToLayer(int i, double elevation) const;
   /// Returns how far a layer's end may be from the border [m].
   double Tolerance() const;
 

@@ -1,4 +1,4 @@
-"""Boards that lean at a wall or hang at one, on easels, or whose black squares read longer."""
+"""Boards at walls, on easels, with black squares that read longer, and before uneven layers."""
 
 import sys
 from pathlib import Path
@@ -9,6 +9,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 
 from hard_labels import judged, measured, world_T_sensor
+from hard_scenes import hard_frame
 from touching_boards import (
     UNEVEN,
     against,
@@ -74,6 +75,27 @@ def test_a_board_on_an_easel_is_found_by_uneven_layers():
         at_seed, by_search = judged(frame, measured(frame))
         assert at_seed.found, at_seed.labeled.reason
         assert by_search.found, by_search.labeled.reason
+
+
+@pytest.mark.parametrize(
+    "difficulty, numbers",
+    [
+        ("only another board", (2, 4, 22, 42)),  # 9 to 14 % larger; the sparse layers show it
+        ("another one, cut", (9, 16, 17, 24, 40, 41, 45, 57)),  # up to 45 % larger
+    ],
+)
+def test_a_board_of_another_size_before_uneven_layers_is_not_labeled(difficulty, numbers):
+    for number in numbers:
+        frame = hard_frame(difficulty, UNEVEN, number)
+        assert not any(label.false for label in judged(frame, measured(frame))), number
+
+
+def test_a_board_that_ends_between_layers_far_apart_is_refused_with_what_helps():
+    frame = hard_frame("another one, cut", UNEVEN, 16)
+    at_seed, _ = judged(frame, measured(frame))
+    assert not at_seed.labeled.detected
+    assert "layers are 60 cm apart where it ends" in at_seed.labeled.reason
+    assert "let a camera see it" in at_seed.labeled.reason
 
 
 @pytest.mark.parametrize("kind", LAYERS)
