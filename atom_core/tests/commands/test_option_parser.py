@@ -47,6 +47,19 @@ def test_an_unknown_option_is_answered_with_the_nearest(parser, capsys, word, ne
     assert near in refusal(parser, capsys, word).partition("nearest: ")[2]
 
 
+def test_words_that_no_option_takes_are_named(parser, capsys):
+    line = refusal(parser, capsys, "--output", "my", "results", "and more")
+    assert "no option takes 'results', 'and more'; what has spaces in it needs quotes" in line
+
+
+def test_a_word_too_many_is_refused_by_the_command_that_it_was_given_to(capsys):
+    with pytest.raises(SystemExit) as refused:
+        main(["check", "--dataset", "dataset.json", "results"])
+    assert refused.value.code == 2
+    line = capsys.readouterr().err
+    assert line.startswith("check: no option takes 'results'") and "check --help" in line
+
+
 def test_what_resembles_nothing_is_refused_without_guesses(parser, capsys):
     line = refusal(parser, capsys, "--zzz")
     assert "nearest" not in line and "tool run --help" in line

@@ -92,10 +92,16 @@ class OptionParser(argparse.ArgumentParser):
     def parse_known_args(  # type: ignore[override]
         self, args: Optional[Sequence[str]] = None, namespace: Optional[argparse.Namespace] = None
     ) -> Tuple[argparse.Namespace, List[str]]:
-        """Parse words; unknown options are refused with their nearest, unless they pass."""
+        """Parse words; what is left is refused, unknown options with their nearest ones.
+
+        Parsers that let others' options pass return it instead.
+        """
         words = list(sys.argv[1:] if args is None else args)
         full = self._in_full([at_home(word) for word in words])
         parsed, rest = super().parse_known_args(full, namespace)
+        if rest and not self._others_pass:
+            words_left = ", ".join(f"'{word}'" for word in rest[:_NAMED])
+            self.error(f"no option takes {words_left}; what has spaces in it needs quotes")
         for note in [*vars(parsed).pop(NOTES, []), *self._given_twice(full)]:
             print(f"{self._command}: note: {note}", file=sys.stderr)
         return parsed, rest
