@@ -69,6 +69,7 @@ ROOT = Path(__file__).resolve().parents[3]
 SCENE = random_scene(0, collections=3).dataset
 DATASET = new_document(SCENE, name="fresh")
 CAMERA_NAME, OF_CAMERA = next((n, s) for n, s in SCENE.sensors.items() if s.camera is not None)
+EARLIEST = {key: value for key, value in DATASET.items() if key != "_metadata"}
 PATTERNS = list(SCENE.config.calibration_patterns)
 
 POSE = {"translation_m": [0.0, 0.0, 1.0], "quaternion_xyzw": [0.0, 0.0, 0.0, 1.0]}
@@ -168,6 +169,7 @@ def batch(path):
 
 FILES = {
     "dataset.json": (DATASET, check),
+    "earliest.json": (EARLIEST, check),
     "solved.json": (DATASET, solve),
     "migrated.json": (DATASET, migrate),
     "calibration.json": (CALIBRATION, read_calibration),

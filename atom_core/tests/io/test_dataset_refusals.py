@@ -91,6 +91,14 @@ def test_a_sensor_that_lacks_a_key(document, refusal, key):
     assert "'rgb_1'" in line and key in line
 
 
+@pytest.mark.parametrize("key", ["parent", "child", "quat"])
+def test_a_transform_that_lacks_a_key(document, refusal, key):
+    collection, content = next(iter(document["collections"].items()))
+    name, transform = next(iter(content["transforms"].items()))
+    del transform[key]
+    assert f"collection {collection}, transform '{name}' lacks '{key}'" in refusal(document)
+
+
 @pytest.mark.parametrize("value", [math.nan, math.inf])
 def test_a_pixel_that_is_not_a_number(document, refusal, value, first_label):
     label, key = first_label(document, "rgb_1")

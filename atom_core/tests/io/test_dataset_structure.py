@@ -35,9 +35,11 @@ def with_value(document, place, value):
     return changed
 
 
-def test_any_value_anywhere_is_read_or_refused_in_one_line(document, tmp_path):
+@pytest.mark.parametrize("left_out", [(), ("_metadata",)], ids=["version 3", "no version"])
+def test_any_value_anywhere_is_read_or_refused_in_one_line(document, tmp_path, left_out):
     path, rng = tmp_path / "dataset.json", np.random.default_rng(0)
     document = json.loads(dumps(document))
+    document = {key: value for key, value in document.items() if key not in left_out}
     document["collections"] = dict(list(document["collections"].items())[:1])
     ways = list(places(document))
     refused = 0
@@ -62,6 +64,9 @@ def test_any_value_anywhere_is_read_or_refused_in_one_line(document, tmp_path):
         (("transforms",), 5, "transforms is 5"),
         (("collections", "001", "labels", "pattern_1", "rgb_1", "idxs"), "x", "idxs is "),
         (("patterns", "pattern_1", "frame"), 5, "pattern 'pattern_1', frame is 5"),
+        (("calibration_config", "sensors"), -1, "calibration_config.sensors is -1"),
+        (("calibration_config", "sensors", "rgb_1"), None, "sensors.rgb_1 is null"),
+        (("calibration_config", "calibration_patterns"), 5, "calibration_patterns is 5"),
     ],
 )
 def test_the_place_is_named_as_messages_name_it(document, place, value, words):

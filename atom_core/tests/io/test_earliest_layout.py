@@ -5,6 +5,7 @@ from copy import deepcopy
 import pytest
 
 from atom_core.cli import main
+from atom_core.errors import DatasetError
 from atom_core.io.dataset_json import dataset_from_document, dumps, read_dataset
 from atom_core.io.dataset_writer import new_document
 from atom_core.synthetic import scenes
@@ -170,3 +171,17 @@ def test_a_real_one_is_read_as_it_is(real_data):
     dataset = read_dataset(real_data("atlascar") / "data_collected.json")
     assert len(dataset.collections) == 26 and len(dataset.sensors) == 4
     assert "52 labels" in filled_in(dataset)
+
+
+@pytest.mark.parametrize("value", ["a", None, [1.0]])
+@pytest.mark.parametrize("numbered", [True, False])
+def test_a_corner_without_a_place_is_refused_with_its_collection(early, tmp_path, value, numbered):
+    key, collection = next(iter(early["collections"].items()))
+    for label in collection["labels"].values():
+        ids = [{"id": i} if numbered else {} for i in range(len(label["idxs"]))]
+        label["idxs"] = [{**i, **corner} for i, corner in zip(ids, label["idxs"])]
+        label["idxs"][1]["x"] = value
+    path = tmp_path / "dataset.json"
+    path.write_text(dumps(early), encoding="utf-8")
+    with pytest.raises(DatasetError, match=f"collection {key}|collections {key}"):
+        read_dataset(path)

@@ -302,7 +302,9 @@ class _Reader:
         for name, value in (entry.get("transforms") or {}).items():
             try:
                 edge, matrix = Edge(value["parent"], value["child"]), pose_of_entry(value)
-            except (KeyError, ValueError, TypeError) as error:
+            except KeyError as error:
+                raise self.fail(f"collection {key}, transform '{name}' lacks {error}") from None
+            except (ValueError, TypeError) as error:
                 raise self.fail(f"collection {key}, transform '{name}': {error}") from None
             if edge in transforms and not np.allclose(transforms[edge], matrix, atol=_SAME):
                 raise self.fail(

@@ -77,10 +77,15 @@ _PATTERN = keys(
     corners=or_null(items(keys(id=WHOLE, x=NUMBER, y=NUMBER))),
     frame=or_null(keys(corners=or_null(each(keys(x=NUMBER, y=NUMBER))))),
 )
+_CONFIG = keys(  # what the layouts before version 3 are told by; its reader checks the rest
+    sensors=or_null(each(MAP)),
+    calibration_pattern=or_null(MAP),
+    calibration_patterns=or_null(each(MAP)),
+)
 _CAVEAT = keys(sensors=items(TEXT), what=TEXT, remedy=TEXT)
 _DATASET = keys(
     _metadata=keys(version=TEXT_OR_NUMBER, caveats=or_null(items(_CAVEAT))),
-    calibration_config=MAP,
+    calibration_config=_CONFIG,
     sensors=each(_SENSOR),
     collections=each(_COLLECTION),
     patterns=or_null(MAP),

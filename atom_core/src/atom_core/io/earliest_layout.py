@@ -244,8 +244,7 @@ class _Gaps:
         for key, collection in self.document["collections"].items():
             label = ((collection.get("labels") or {}).get(name) or {}).get(sensor) or {}
             corners = label.get("idxs") or []
-            whole = all(isinstance(c, Mapping) and {"x", "y"} <= set(c) for c in corners)
-            if says_detected(label) and corners and whole:
+            if says_detected(label) and corners and all(map(_has_place, corners)):
                 found.append((key, label))
         return found
 
@@ -256,6 +255,11 @@ class _Gaps:
             for value in (collection.get("transforms") or {}).values()
             if isinstance(value, Mapping) and {"parent", "child"} <= set(value)
         ]
+
+
+def _has_place(corner: Any) -> bool:
+    place = [corner.get(axis) for axis in "xy"] if isinstance(corner, Mapping) else [None]
+    return all(isinstance(value, (int, float)) for value in place)
 
 
 def _runs_along_rows(corners: List[Dict[str, Any]], columns: int, rows: int) -> bool:
