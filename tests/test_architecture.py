@@ -49,3 +49,14 @@ def test_nodes_start_in_one_way():
             "rospy.init_node(name, disable_signals=True)"
         )
     }
+
+
+def test_topics_go_quiet_when_a_node_ends():
+    """Publishing to a topic that rospy has closed is a traceback in whatever thread does it."""
+    made = [
+        f"{file.name}: {line.strip()}"
+        for file in ROOT.glob("*/src/**/*.py")
+        for line in file.read_text(encoding="utf-8").splitlines()
+        if "rospy.Publisher(" in line or re.search(r"\bInteractiveMarkerServer\(", line)
+    ]
+    assert not made, "running.Publisher and pose_marker.MarkerServer do that"

@@ -41,13 +41,16 @@ def is_ending() -> bool:
     return bool(rospy.is_shutdown() or rospy.core.is_shutdown_requested())
 
 
-def publish(topic: rospy.Publisher, message: Any) -> None:
-    """Publish a message, unless the topic is closed since the node ends."""
-    try:
-        topic.publish(message)
-    except rospy.ROSException:
-        if not is_ending():
-            raise
+class Publisher(rospy.Publisher):
+    """A topic that goes quiet when the node ends: rospy closes it amid what threads still do."""
+
+    def publish(self, *message: Any, **fields: Any) -> None:
+        """Publish a message, unless the topic is closed since the node ends."""
+        try:
+            super().publish(*message, **fields)
+        except rospy.ROSException:
+            if not is_ending():
+                raise
 
 
 def pause(seconds: float) -> None:

@@ -9,7 +9,6 @@ from typing import Any, Callable, List, NamedTuple, Optional
 import numpy as np
 import rospy
 from geometry_msgs.msg import PoseStamped
-from interactive_markers.interactive_marker_server import InteractiveMarkerServer
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, JointState
 from std_srvs.srv import (
@@ -29,6 +28,7 @@ from visualization_msgs.msg import (
 )
 
 from atom_calibration.runtime import running
+from atom_calibration.show.pose_marker import MarkerServer
 from atom_core.geometry import se3
 from atom_examples.cell_simulator import messages
 from atom_examples.cell_simulator.devices import CameraDevice, Device, Packing, devices_of
@@ -99,7 +99,7 @@ class LiveCell:
         self._outputs = [_advertised(device, self._packing) for device in devices_of(world)]
         self._clock = _publisher("/clock", Clock, 10)
         self._tf = _publisher("/tf", TFMessage, 10)
-        self._tf_static = rospy.Publisher("/tf_static", TFMessage, queue_size=1, latch=True)
+        self._tf_static = running.Publisher("/tf_static", TFMessage, queue_size=1, latch=True)
         self._joint_states = _publisher("/joint_states", JointState, 10)
         self._truth = _publisher("/ground_truth/pattern", PoseStamped, 10)
         self._start = _start_pose(world)
@@ -196,7 +196,7 @@ class BoardMarker:
         pattern = world.scene.board.pattern
         middle = pattern.border.centre_in_pattern
         self._pattern_T_marker = se3.transform(np.eye(3), middle)
-        self._server = InteractiveMarkerServer(f"{NODE}/board_marker")
+        self._server = MarkerServer(f"{NODE}/board_marker")
         marker = InteractiveMarker(name=MARKER, description="board", scale=0.7)
         marker.header.frame_id = world.rig.world
         marker.pose = messages.pose(world_T_pattern @ self._pattern_T_marker)
@@ -249,7 +249,7 @@ def _advertised(device: Device, packing: Packing) -> _Output:
 
 
 def _publisher(topic: str, kind: type, queue: int) -> rospy.Publisher:
-    return rospy.Publisher(topic, kind, queue_size=queue)
+    return running.Publisher(topic, kind, queue_size=queue)
 
 
 def _start_pose(world: World) -> np.ndarray:

@@ -53,7 +53,7 @@ def main() -> int:
 def _run(topics: Any) -> int:
     running.start("decompress_images")
     for topic in topics:
-        publisher = rospy.Publisher(raw_topic(topic), Image, queue_size=2)
+        publisher = running.Publisher(raw_topic(topic), Image, queue_size=2)
         rospy.Subscriber(topic, CompressedImage, _relay(publisher), queue_size=2, buff_size=2**24)
     return running.wait()
 
@@ -63,7 +63,7 @@ def _relay(publisher: Any) -> Callable[[Any], None]:
         if not publisher.get_num_connections():
             return
         try:
-            running.publish(publisher, raw_image(message))
+            publisher.publish(raw_image(message))
         except MessageError as error:
             rospy.logwarn_throttle(10.0, f"{publisher.name}: {error}")
 

@@ -66,7 +66,7 @@ class TransformFilter:
 
 
 def _publish(topic: Any, transforms: List[Any]) -> None:
-    running.publish(topic, TFMessage(transforms))
+    topic.publish(TFMessage(transforms))
 
 
 def main() -> int:
@@ -82,8 +82,8 @@ def _run(moving_joints: Optional[Collection[str]]) -> int:
     robot, _ = parse_urdf(urdf)
     passing = TransformFilter(
         frames_of_description(robot, moving_joints),
-        rospy.Publisher("/tf", TFMessage, queue_size=100),
-        rospy.Publisher("/tf_static", TFMessage, queue_size=100, latch=True),
+        running.Publisher("/tf", TFMessage, queue_size=100),
+        running.Publisher("/tf_static", TFMessage, queue_size=100, latch=True),
     )
     rospy.Subscriber("/bag/tf", TFMessage, passing.pass_on, queue_size=100)
     rospy.Subscriber("/bag/tf_static", TFMessage, passing.pass_on_fixed, queue_size=100)

@@ -144,7 +144,7 @@ class CalibrationView:
 
     def _open(self, dataset: Dataset) -> None:
         def topic(name: str, kind: Any) -> rospy.Publisher:
-            return rospy.Publisher(name, kind, queue_size=_QUEUE.get(kind, 100), latch=True)
+            return running.Publisher(name, kind, queue_size=_QUEUE.get(kind, 100), latch=True)
 
         self._publishers = {
             STATE: topic(STATE, CalibrationState),

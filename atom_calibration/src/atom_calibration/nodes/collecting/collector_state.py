@@ -20,6 +20,7 @@ from atom_calibration.msg import (
     SensorState,
     ViewedBoard,
 )
+from atom_calibration.runtime import running
 from atom_calibration.show.markers import sensor_names
 from atom_core.io.collections import CollectionStore, StoredCollection
 from atom_core.labeling.guidance import ALL_ROUND_ASPECT, BoardView, Guidance, board_view
@@ -42,9 +43,9 @@ class StateBoard:
         colours = sensor_colours(config.sensors)
         self._colours = {name: packed(colour) for name, colour in colours.items()}
         self._text, self._automatic, self._due_s = "", False, 0.0
-        self._state = rospy.Publisher("~state", CollectorState, queue_size=2, latch=True)
-        self._matrix = rospy.Publisher("~collections", CollectionStates, queue_size=2, latch=True)
-        self._names = rospy.Publisher("~names", MarkerArray, queue_size=2, latch=True)
+        self._state = running.Publisher("~state", CollectorState, queue_size=2, latch=True)
+        self._matrix = running.Publisher("~collections", CollectionStates, queue_size=2, latch=True)
+        self._names = running.Publisher("~names", MarkerArray, queue_size=2, latch=True)
         self._names.publish(sensor_names(config, colours))
         self.collections_changed()
 

@@ -62,8 +62,8 @@ class LabelLinks:
             cameras: name to frame, of those whose sight of the board tells seeds.
             received: sensors whose time of receipt is taken, not their stamps.
         """
-        self.out = rospy.Publisher(topic_of(sensor, "labels"), SensorLabels, queue_size=20)
-        self.idle = rospy.Publisher(labeled_until(sensor), Time, queue_size=1)
+        self.out = running.Publisher(topic_of(sensor, "labels"), SensorLabels, queue_size=20)
+        self.idle = running.Publisher(labeled_until(sensor), Time, queue_size=1)
         self.frames = {name: frame for name, frame in cameras.items() if name != sensor}
         self.sights = CameraSights(self.frames)
         for camera in self.frames:
@@ -139,11 +139,11 @@ class LabelerNode:
         self._data_frame: Optional[str] = None
         self._seeds: Optional[SeedListener] = None
         kind = Image if sensor.kind.has_camera_info else PointCloud2
-        self._annotated = rospy.Publisher(f"{sensor.topic}/labeled", kind, queue_size=2)
+        self._annotated = running.Publisher(f"{sensor.topic}/labeled", kind, queue_size=2)
         self._in_space: Optional[rospy.Publisher] = None
         if sensor.kind.has_camera_info and sensor.kind.measures_range:
             topic = f"{sensor.topic}/labeled3d"
-            self._in_space = rospy.Publisher(topic, PointCloud2, queue_size=2)
+            self._in_space = running.Publisher(topic, PointCloud2, queue_size=2)
 
     def listen(self, topics: LiveTopics) -> None:
         """Subscribe to the data and to seeds; take up data that came already."""

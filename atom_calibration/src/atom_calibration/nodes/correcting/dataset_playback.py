@@ -105,8 +105,8 @@ class DatasetPlayback:
         self._figures: Optional[Tuple[Dataset, str, List[LabelState]]] = None
         self._borders = DrawnBorders(corrections.dataset)
         self._topics = CollectionTopics(corrections, self._borders)
-        self._state = rospy.Publisher("~state", PlaybackState, queue_size=10, latch=True)
-        self._matrix = rospy.Publisher("~collections", CollectionStates, queue_size=2, latch=True)
+        self._state = running.Publisher("~state", PlaybackState, queue_size=10, latch=True)
+        self._matrix = running.Publisher("~collections", CollectionStates, queue_size=2, latch=True)
         self._menu = MenuSphere(
             MarkerServer(NODE),
             corrections.dataset.world,

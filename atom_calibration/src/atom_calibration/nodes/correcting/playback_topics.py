@@ -12,6 +12,7 @@ from tf2_msgs.msg import TFMessage
 
 from atom_calibration.messages.poses import transforms_message
 from atom_calibration.modalities.table import is_labeled, ros_modality
+from atom_calibration.runtime import running
 from atom_calibration.show import playback_view as view
 from atom_calibration.show.annotation import labeled_cloud
 from atom_core.editing.drawn_borders import DrawnBorders
@@ -43,7 +44,7 @@ class CollectionTopics:
         sensors = corrections.dataset.sensors
         self.sensors = {n: s for n, s in sensors.items() if is_labeled(s.modality)}
         self.shown: Dict[str, view.Shown] = {}
-        self._tf = rospy.Publisher("/tf_static", TFMessage, queue_size=10, latch=True)
+        self._tf = running.Publisher("/tf_static", TFMessage, queue_size=10, latch=True)
         self._publishers = {name: _publishers(s) for name, s in self.sensors.items()}
 
     def show_collection(self) -> None:
@@ -88,7 +89,7 @@ def _publishers(sensor: Sensor) -> _Publishers:
     image = sensor.kind.has_camera_info
 
     def latched(name: str, kind: Any) -> rospy.Publisher:
-        return rospy.Publisher(name, kind, queue_size=2, latch=True)
+        return running.Publisher(name, kind, queue_size=2, latch=True)
 
     info = f"{topic.rpartition('/')[0]}/camera_info"
     return _Publishers(

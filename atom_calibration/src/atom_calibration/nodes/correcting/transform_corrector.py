@@ -97,8 +97,8 @@ class TransformCorrector:
         """
         self._corrections, self._output = corrections, output
         self._actions = Actions(lambda words: self._menu.show(words))
-        self._fixed = rospy.Publisher("/tf_static", TFMessage, queue_size=10, latch=True)
-        self._data = rospy.Publisher("~data", MarkerArray, queue_size=2, latch=True)
+        self._fixed = running.Publisher("/tf_static", TFMessage, queue_size=10, latch=True)
+        self._data = running.Publisher("~data", MarkerArray, queue_size=2, latch=True)
         self._server = MarkerServer(NODE)
         self._reference = _in_world(corrections.dataset, reference) if reference else []
         self._markers: Dict[Edge, PoseMarker] = {}
@@ -108,7 +108,7 @@ class TransformCorrector:
         }
         for edge in corrections.edges:
             self._markers[edge] = self._marker_of(edge, mounted.get(edge, _GREY), moves, scale)
-        self._names = rospy.Publisher("~names", MarkerArray, queue_size=2, latch=True)
+        self._names = running.Publisher("~names", MarkerArray, queue_size=2, latch=True)
         self._names.publish(_frame_names(corrections))
         self._menu = MenuSphere(
             self._server,

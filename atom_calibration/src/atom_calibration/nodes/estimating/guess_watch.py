@@ -135,7 +135,7 @@ class GuessWatch:
         self._sensors[sensor.name] = sensor
         if sensor.camera is not None:
             name = f"~{graph_name(sensor.name)}/overlay"
-            self._publishers[sensor.name] = rospy.Publisher(name, Image, queue_size=1, latch=True)
+            self._publishers[sensor.name] = running.Publisher(name, Image, queue_size=1, latch=True)
         if sensor.camera is not None and not sensor.kind.measures_range:
             for name, pattern in self._patterns.items():
                 config = self._config.calibration_patterns[name]

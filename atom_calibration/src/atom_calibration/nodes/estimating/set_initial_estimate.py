@@ -125,12 +125,12 @@ class SetInitialEstimate:
         self._told: Tuple[str, bool] = ("", False)
         self._watch: Optional[GuessWatch] = None
         self._actions = Actions(lambda words: self._menu.show(words), self._tell)
-        self._state = rospy.Publisher("~state", GuessState, queue_size=2, latch=True)
-        names = rospy.Publisher("~names", MarkerArray, queue_size=2, latch=True)
+        self._state = running.Publisher("~state", GuessState, queue_size=2, latch=True)
+        names = running.Publisher("~names", MarkerArray, queue_size=2, latch=True)
         held = [name for name in config.sensors if name not in guess.edges]
         names.publish(markers.sensor_names(config, self._colours, held))
         self._names = names  # lives as long as the node
-        self._fixed = rospy.Publisher("/tf_static", TFMessage, queue_size=10, latch=True)
+        self._fixed = running.Publisher("/tf_static", TFMessage, queue_size=10, latch=True)
         self._server = MarkerServer(NODE)
         self._markers = self._sensor_markers(scale)
         self._menu = MenuSphere(
@@ -276,7 +276,7 @@ class _Frustum:
     def __init__(self, name: str, topic: str, frame: str, colour: Colour):
         self._frame, self._colour, self._markers = frame, colour, MarkerArray()
         topic_name = topic_of(name, "frustum")
-        self._publisher = rospy.Publisher(topic_name, MarkerArray, queue_size=1, latch=True)
+        self._publisher = running.Publisher(topic_name, MarkerArray, queue_size=1, latch=True)
         info = f"{topic.rpartition('/')[0]}/camera_info"
         self._subscriber = rospy.Subscriber(info, CameraInfo, self._draw, queue_size=1)
         # RViz forgets what it shows whenever a recording begins anew, so a latch is not enough.
