@@ -9,7 +9,8 @@ import sys
 import threading
 import time
 from _thread import start_new_thread
-from typing import Any, Callable, List, Optional, Tuple
+from contextlib import contextmanager
+from typing import Any, Callable, Iterator, List, Optional, Tuple
 
 import rospy
 from rosgraph.names import load_mappings
@@ -41,16 +42,23 @@ def is_ending() -> bool:
     return bool(rospy.is_shutdown() or rospy.core.is_shutdown_requested())
 
 
+@contextmanager
+def quiet_at_the_end() -> Iterator[None]:
+    """Let threads and callbacks publish to topics that are closed since the node ends."""
+    try:
+        yield
+    except rospy.ROSException:
+        if not is_ending():
+            raise
+
+
 class Publisher(rospy.Publisher):
     """A topic that goes quiet when the node ends: rospy closes it amid what threads still do."""
 
     def publish(self, *message: Any, **fields: Any) -> None:
         """Publish a message, unless the topic is closed since the node ends."""
-        try:
+        with quiet_at_the_end():
             super().publish(*message, **fields)
-        except rospy.ROSException:
-            if not is_ending():
-                raise
 
 
 def pause(seconds: float) -> None:

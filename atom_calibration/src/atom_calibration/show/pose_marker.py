@@ -98,11 +98,8 @@ class MarkerServer(InteractiveMarkerServer):
 
     def publish(self, update: Any) -> None:
         """Publish, also from the timer's thread, which may outlive the topic when a node ends."""
-        try:
+        with running.quiet_at_the_end():
             super().publish(update)
-        except rospy.ROSException:
-            if not running.is_ending():
-                raise
 
 
 class PoseMarker:

@@ -258,8 +258,10 @@ class _Gaps:
 
 
 def _has_place(corner: Any) -> bool:
-    place = [corner.get(axis) for axis in "xy"] if isinstance(corner, Mapping) else [None]
-    return all(isinstance(value, (int, float)) for value in place)
+    """Tell whether an entry of a label is a corner with numbers for its pixel."""
+    return isinstance(corner, Mapping) and all(
+        isinstance(corner.get(axis), (int, float)) for axis in "xy"
+    )
 
 
 def _runs_along_rows(corners: List[Dict[str, Any]], columns: int, rows: int) -> bool:

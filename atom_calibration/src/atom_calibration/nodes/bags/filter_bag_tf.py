@@ -50,23 +50,19 @@ class TransformFilter:
         """Take a message of the bag's /tf."""
         wanted = self._wanted(message)
         if wanted:
-            _publish(self._moving, wanted)
+            self._moving.publish(TFMessage(wanted))
 
     def pass_on_fixed(self, message: Any) -> None:
         """Take a message of the bag's /tf_static."""
         wanted = {frame_name(t.child_frame_id): t for t in self._wanted(message)}
         if wanted:
             self._all_fixed.update(wanted)
-            _publish(self._fixed, list(self._all_fixed.values()))
+            self._fixed.publish(TFMessage(list(self._all_fixed.values())))
 
     def _wanted(self, message: Any) -> List[Any]:
         return [
             t for t in message.transforms if frame_name(t.child_frame_id) not in self._described
         ]
-
-
-def _publish(topic: Any, transforms: List[Any]) -> None:
-    topic.publish(TFMessage(transforms))
 
 
 def main() -> int:

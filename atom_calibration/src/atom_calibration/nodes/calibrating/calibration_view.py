@@ -271,8 +271,6 @@ class CalibrationView:
             try:
                 if not self._failed and estimate is not None:
                     self._publish(estimate, status, shown)
-            except rospy.ROSException:  # the topics are closed: the node ends
-                pass
             except Exception:  # noqa: BLE001 - results are worth more than the view of them
                 self._failed = True
                 rospy.logerr(f"the view has failed, the solver goes on:\n{traceback.format_exc()}")
