@@ -207,6 +207,19 @@ def test_only_native_imports_the_compiled_module(path):
     assert path.name == "native.py" or not imports
 
 
+def test_constants_of_the_cpp_core_have_a_name_each():
+    """Several sources are compiled as one, and which ones may change with the next source."""
+    sources = sorted((ROOT / "atom_core" / "cpp").glob("*.cpp"))
+    names = {
+        (name, path.name)
+        for path in sources
+        for name in re.findall(r"\b(k[A-Z]\w*)\b(?= *=[^=])", path.read_text(encoding="utf-8"))
+    }
+    assert len(names) > 100
+    files = {name: sorted(file for each, file in names if each == name) for name, _ in names}
+    assert {name: where for name, where in files.items() if len(where) > 1} == {}
+
+
 def test_cpp_core_includes_no_ros_header():
     core = ROOT / "atom_core"
     for path in [*core.rglob("*.h"), *core.rglob("*.cpp")]:

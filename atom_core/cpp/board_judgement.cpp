@@ -369,7 +369,7 @@ BoardSegment Judged(const BoardSearch& search, std::vector<int> piece, bool soli
 
 // Where layers are sparse, as the outer ones of a VLP-32C, one post may be all that they meet of
 // what carries a board. The narrow end of a larger board that the view cuts looks the same.
-BoardSegment Judge(const BoardSearch& search, std::vector<int> piece) {
+BoardSegment JudgeSurface(const BoardSearch& search, std::vector<int> piece) {
   const BoardSegment segment = Judged(search, piece, false);
   if (segment.progress < kFitted || !segment.indices.empty()) return segment;
   const BoardSegment again = Judged(search, std::move(piece), true);
@@ -385,8 +385,8 @@ std::string Text(const char* format, double a, double b, double c, double d) {
 }
 
 BoardSegment JudgePiece(const BoardSearch& search, std::vector<int> piece) {
-  if (!search.options.tells_size) return Judge(search, std::move(piece));
-  BoardSegment segment = Judge(search, piece);
+  if (!search.options.tells_size) return JudgeSurface(search, std::move(piece));
+  BoardSegment segment = JudgeSurface(search, piece);
   TellSize(search, piece, &segment);
   return segment;
 }

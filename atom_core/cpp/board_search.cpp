@@ -12,9 +12,9 @@
 namespace atom_core {
 namespace {
 
-constexpr double kJump = 0.10;      // [m] of range, between a surface and the next
-constexpr double kGapSteps = 4.5;   // of azimuth, without returns
-constexpr double kStraight = 0.05;  // [m] a run may deviate from its chord
+constexpr double kJump = 0.10;         // [m] of range, between a surface and the next
+constexpr double kGapSteps = 4.5;      // of azimuth, without returns
+constexpr double kStraightRun = 0.05;  // [m] a run may deviate from its chord
 constexpr int kLeastReturns = 4;
 constexpr double kPatch = 0.45;  // of the shorter side: radius in which a plane is proposed
 constexpr int kManyLayers = 8;
@@ -46,7 +46,7 @@ bool IsStraight(const std::vector<const ScanPoint*>& points, std::size_t first, 
   const Eigen::Vector3d along = (points[last]->position - start).normalized();
   for (std::size_t i = first; i <= last; ++i) {
     const Eigen::Vector3d offset = points[i]->position - start;
-    if ((offset - along * along.dot(offset)).norm() > kStraight) return false;
+    if ((offset - along * along.dot(offset)).norm() > kStraightRun) return false;
   }
   return true;
 }

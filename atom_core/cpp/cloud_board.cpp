@@ -20,12 +20,12 @@
 namespace atom_core {
 namespace {
 
-constexpr int kRefits = 3;
+constexpr int kCloudRefits = 3;
 constexpr std::size_t kMostFitted = 200;    // points that a first rectangle is laid on
 constexpr double kWidestSpacing = 1.0 / 8;  // of the shorter side: sparser points show no outline
-constexpr double kPixelShare = 0.008;       // of the diagonal
-constexpr double kFlatness = 2.0;           // of the scatter among neighbours, and
-constexpr double kUneven = 0.005;           // [m] about the plane are flat
+constexpr double kCloudPixelShare = 0.008;  // of the diagonal
+constexpr double kCloudFlatness = 2.0;      // of the scatter among neighbours, and
+constexpr double kCloudUneven = 0.005;      // [m] about the plane are flat
 constexpr double kLargest = 2.0;            // of the board's diagonal: a longer piece is none, if
 constexpr double kLargestCore = 1.0;        // of the board's area are its core: posts have none
 constexpr double kMuchLarger = 1.7;         // the same, however long it is
@@ -36,11 +36,11 @@ constexpr double kSlack = 6.0;                     // insets: the points fill le
 constexpr double kGoodSide = 0.5;                  // of its bins in view are on the border, and
 constexpr double kLeastOfSide = 0.2;               // of them are in view
 constexpr int kGoodSides = 3;
-constexpr double kOpenSide = 0.2;       // of its bins, and more than on the border: a larger thing
-constexpr double kOnShare = 0.7;        // of the bins that are not hidden or touched
-constexpr double kBorderRms = 0.6;      // of the spacing, and
-constexpr double kBorderNoise = 0.012;  // [m] about the border, of large boards; of small ones
-constexpr double kBorderOfSide = 0.04;  // of the shorter side
+constexpr double kOpenSide = 0.2;        // of its bins, and more than on the border: a larger thing
+constexpr double kOnShare = 0.7;         // of the bins that are not hidden or touched
+constexpr double kCloudBorderRms = 0.6;  // of the spacing, and
+constexpr double kBorderNoise = 0.012;   // [m] about the border, of large boards; of small ones
+constexpr double kBorderOfSide = 0.04;   // of the shorter side
 
 std::nullopt_t Refuse(int progress, const std::string& reason, BoardSegment* segment) {
   segment->progress = progress;
@@ -80,10 +80,10 @@ bool IsOfSize(const BoardSearch& search, const std::vector<int>& piece, BoardSeg
   return false;
 }
 
-std::optional<Patch> Refit(const BoardSearch& search, std::vector<int> piece,
-                           BoardSegment* segment) {
+std::optional<Patch> RefitPatch(const BoardSearch& search, std::vector<int> piece,
+                                BoardSegment* segment) {
   Plane plane;
-  for (int k = 0; k <= kRefits; ++k) {
+  for (int k = 0; k <= kCloudRefits; ++k) {
     if (static_cast<int>(piece.size()) < search.options.least_points) {
       return Refuse(0,
                     Text("only %.0f points are on the plane there, %.0f are needed", piece.size(),
@@ -96,7 +96,7 @@ std::optional<Patch> Refit(const BoardSearch& search, std::vector<int> piece,
       return Refuse(1, Text("the surface is not flat (%.0f mm about its plane)", 1e3 * plane.sigma),
                     segment);
     }
-    if (k == kRefits) break;
+    if (k == kCloudRefits) break;
     const std::vector<int> before = std::move(piece);
     piece = Around(search, PlaneAxes(plane, search.At(before.front()).position), before);
     if (piece == before) break;
@@ -128,12 +128,12 @@ bool IsPossible(const BoardSearch& search, const Patch& patch, BoardSegment* seg
 
 bool IsFlat(const BoardSearch& search, const Patch& patch, BoardSegment* segment) {
   const double along = patch.axes.plane.sigma / std::max(std::cos(patch.incidence), kLeastCosine);
-  if (along > search.options.most_noise + kUneven) {
+  if (along > search.options.most_noise + kCloudUneven) {
     Refuse(3, Text("the surface is not flat (%.0f mm along the beams)", 1e3 * along), segment);
     return false;
   }
   const double between = ScatterAmongNeighbours(search, patch);
-  if (patch.axes.plane.sigma <= kFlatness * between + kUneven) return true;
+  if (patch.axes.plane.sigma <= kCloudFlatness * between + kCloudUneven) return true;
   Refuse(3,
          Text("the surface is not flat (%.0f mm about its plane, %.0f mm among neighbours)",
               1e3 * patch.axes.plane.sigma, 1e3 * between),
@@ -153,7 +153,7 @@ void SetPose(const Patch& patch, const RectanglePose& pose, BoardSegment* segmen
 // A rectangle that holds as many points as it can.
 RectanglePose FirstRectangle(const Patch& patch, const BoardOptions& options) {
   Outline outline;
-  const std::vector<int> thin = Thinned(patch.points, kPixelShare * options.size.norm());
+  const std::vector<int> thin = Thinned(patch.points, kCloudPixelShare * options.size.norm());
   const std::size_t step = std::max<std::size_t>(thin.size() / kMostFitted, 1);
   for (std::size_t i = 0; i < thin.size(); i += step) {
     outline.inside.push_back(patch.points[thin[i]]);
@@ -269,8 +269,8 @@ bool SidesFit(const Sides& sides, double shorter, BoardSegment* segment) {
     good += in_view >= kLeastOfSide * side.size() && here >= kGoodSide * in_view;
   }
   segment->border_rms = std::sqrt(squares / std::max(on, 1));
-  const double most =
-      std::min(kBorderNoise, kBorderOfSide * shorter) + kBorderRms * spacings / std::max(on, 1);
+  const double most = std::min(kBorderNoise, kBorderOfSide * shorter) +
+                      kCloudBorderRms * spacings / std::max(on, 1);
   if (!goes_on && good >= kGoodSides && on >= kOnShare * all && segment->border_rms < most) {
     return true;
   }
@@ -353,7 +353,7 @@ bool IsFilled(const CellShares& cells, const BoardOptions& options, BoardSegment
 std::optional<Patch> FitCloudPiece(const BoardSearch& search, std::vector<int> piece,
                                    BoardSegment* segment) {
   if (!IsOfSize(search, piece, segment)) return std::nullopt;
-  auto patch = Refit(search, std::move(piece), segment);
+  auto patch = RefitPatch(search, std::move(piece), segment);
   // A piece of a plane that was a little off may have grown.
   if (!patch || !IsOfSize(search, patch->piece, segment) || !IsPossible(search, *patch, segment)) {
     return std::nullopt;

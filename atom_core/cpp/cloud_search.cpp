@@ -17,7 +17,7 @@
 namespace atom_core {
 namespace {
 
-constexpr double kProposal = 2.0;             // standard deviations of a proposed plane's inliers
+constexpr double kCloudProposal = 2.0;        // standard deviations of a proposed plane's inliers
 constexpr std::size_t kMostProposing = 1500;  // points that planes are proposed from
 constexpr std::size_t kPatchProposing = 150;  // the same of a patch
 constexpr std::size_t kMostPieces = 3;        // of a plane
@@ -26,7 +26,7 @@ constexpr double kPatchShare = 0.4;           // of it: radius of a patch
 constexpr std::size_t kLeastOfCell = 3;       // points
 constexpr std::size_t kLeastOfPatch = 14;     // points: half of what a board needs there
 constexpr double kPatchSigma = 0.03;          // [m] of a patch that is none
-constexpr int kSectors = 24;                  // of a ring that no board reaches
+constexpr int kRingSectors = 24;              // of a ring that no board reaches
 constexpr double kRingFrom = 1.05, kRingTo = 1.6;  // its radii in diagonals
 constexpr double kRingShare = 0.4;                 // of the sectors: the plane is larger
 constexpr double kRingDensity = 0.2;               // of the points, against those inside
@@ -47,7 +47,7 @@ std::vector<int> Some(const std::vector<int>& all, std::size_t most) {
   return some;
 }
 
-bool IsBetter(const BoardSegment& a, const BoardSegment& b) {
+bool IsBetterCloudBoard(const BoardSegment& a, const BoardSegment& b) {
   if (a.detected != b.detected) return a.detected;
   return a.detected ? a.score < b.score : a.progress > b.progress;
 }
@@ -74,7 +74,7 @@ BoardSegment BestPiece(const BoardSearch& search, const Plane& plane, const Eige
     if (search.options.tells_size) TellSize(search, pieces[k], &segment);
     const Eigen::Vector3d middle = segment.sensor_T_board.topRightCorner<3, 1>();
     segment.score += 0.5 * (middle - seed).norm() / SeedRadius(search.options);
-    if (k == 0 || IsBetter(segment, best)) best = segment;
+    if (k == 0 || IsBetterCloudBoard(segment, best)) best = segment;
   }
   return best;
 }
@@ -95,7 +95,7 @@ std::vector<int> PieceOfPatch(const BoardSearch& search, const Plane& plane, dou
   return best;
 }
 
-BoardSegment BestOfPlanes(const BoardSearch& search, const Eigen::Vector3d& seed) {
+BoardSegment BestOfCloudPlanes(const BoardSearch& search, const Eigen::Vector3d& seed) {
   const BoardOptions& options = search.options;
   BoardSegment best;
   best.reason = Text("no plane with %.0f points is within %.2f m of the seed", options.least_points,
@@ -104,12 +104,12 @@ BoardSegment BestOfPlanes(const BoardSearch& search, const Eigen::Vector3d& seed
   for (int k = 0; k < options.most_planes; ++k) {
     Plane plane;
     if (static_cast<int>(left.size()) < options.least_points ||
-        !ProposePlane(search.window, left, kProposal * options.noise, kLeastCosine * seed.norm(),
-                      &plane)) {
+        !ProposePlane(search.window, left, kCloudProposal * options.noise,
+                      kLeastCosine * seed.norm(), &plane)) {
       break;
     }
     const BoardSegment segment = BestPiece(search, plane, seed);
-    if (IsBetter(segment, best)) best = segment;
+    if (IsBetterCloudBoard(segment, best)) best = segment;
     std::vector<int> rest = OffPlane(search.window, left, plane, kThreshold * options.noise);
     if (rest.size() == left.size()) break;
     left = std::move(rest);
@@ -133,7 +133,7 @@ BoardSegment SegmentAt(const Scan& scan, const Eigen::Vector3d& seed, const Boar
                        window.sphere.size(), sphere, options.least_points);
     return none;
   }
-  return BestOfPlanes({scan, window, options}, seed);
+  return BestOfCloudPlanes({scan, window, options}, seed);
 }
 
 // The points of a scan in cubes: sorted by them, so that those around a place stand together.
@@ -271,7 +271,7 @@ class CloudSearch {
     const Window window = MakeWindow(index_.Around(place, reach), patch);
     Plane plane;
     const std::vector<int> some = Some(window.sphere, kPatchProposing);
-    if (!ProposePlane(window, some, kProposal * options_.noise, kLeastCosine * place.norm(),
+    if (!ProposePlane(window, some, kCloudProposal * options_.noise, kLeastCosine * place.norm(),
                       &plane) ||
         plane.sigma > kPatchSigma) {
       Know(window, window.sphere);
@@ -352,7 +352,7 @@ class CloudSearch {
     const PlaneAxes axes(plane, place);
     const double diagonal = options_.size.norm();
     const double inner = kPatchShare * options_.size.minCoeff();
-    std::vector<bool> seen(kSectors, false);
+    std::vector<bool> seen(kRingSectors, false);
     std::vector<int> on;
     double inside = 0.0, around = 0.0;
     int beside = 0, behind = 0;  // of the returns in the ring
@@ -370,12 +370,12 @@ class CloudSearch {
       if (!in_ring) continue;
       around += 1.0 / ((kRingTo * kRingTo - kRingFrom * kRingFrom) * diagonal * diagonal);
       const double turn = std::atan2(point.y(), point.x()) / (2.0 * M_PI) + 0.5;
-      seen[std::min(static_cast<int>(turn * kSectors), kSectors - 1)] = true;
+      seen[std::min(static_cast<int>(turn * kRingSectors), kRingSectors - 1)] = true;
     }
     if (behind > beside) return false;  // a wall right behind scatters into the plane
     // Where other surfaces cross the plane are lines, as long as they may be.
     if (around < kRingDensity * inside) return false;
-    if (std::count(seen.begin(), seen.end(), true) < kRingShare * kSectors) return false;
+    if (std::count(seen.begin(), seen.end(), true) < kRingShare * kRingSectors) return false;
     Know(window, on);
     return true;
   }
@@ -391,7 +391,7 @@ class CloudSearch {
 };
 
 // Without a seed to trust, the board must be seen better.
-BoardOptions Strict(BoardOptions options) {
+BoardOptions StrictInCloud(BoardOptions options) {
   options.least_visible = std::max(options.least_visible, 0.75);
   options.most_through = std::min(options.most_through, 0.04);
   options.least_of_outline = std::max(options.least_of_outline, 0.75);
@@ -407,7 +407,8 @@ BoardSegment SegmentCloudBoard(const Scan& scan, const Eigen::Vector3d& seed,
   // Planes from a place as large as this are no board's where a wall is right behind it; a search
   // proposes them from patches.
   const double on_board = 0.5 * options.size.norm();
-  for (const BoardSegment& found : CloudSearch(scan, Strict(options)).BoardsNear(seed, on_board)) {
+  for (const BoardSegment& found :
+       CloudSearch(scan, StrictInCloud(options)).BoardsNear(seed, on_board)) {
     const Eigen::Vector3d middle = found.sensor_T_board.topRightCorner<3, 1>();
     if (found.detected && (middle - seed).norm() < on_board) return found;
   }
@@ -415,7 +416,7 @@ BoardSegment SegmentCloudBoard(const Scan& scan, const Eigen::Vector3d& seed,
 }
 
 std::vector<BoardSegment> FindCloudBoards(const Scan& scan, const BoardOptions& options) {
-  return CloudSearch(scan, Strict(options)).Boards();
+  return CloudSearch(scan, StrictInCloud(options)).Boards();
 }
 
 }  // namespace atom_core

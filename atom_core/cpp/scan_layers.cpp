@@ -14,7 +14,8 @@
 namespace atom_core {
 namespace {
 
-constexpr double kNearest = 0.05;  // [m] what is nearer is the sensor's own housing or invalid
+constexpr double kNearestReturn =
+    0.05;  // [m] what is nearer is the sensor's own housing or invalid
 constexpr double kDegree = M_PI / 180.0;         // [rad]
 constexpr double kLeastGap = 0.08 * kDegree;     // between two layers
 constexpr double kWidestLayer = 0.35 * kDegree;  // standard deviation of elevations within a layer
@@ -53,7 +54,7 @@ std::vector<ScanPoint> ValidPoints(const Eigen::Ref<const PointRows>& cloud) {
     point.position = cloud.row(i).transpose();
     point.range = point.position.norm();
     point.layer = 0;
-    if (std::isfinite(point.range) && point.range > kNearest) points.push_back(point);
+    if (std::isfinite(point.range) && point.range > kNearestReturn) points.push_back(point);
   }
   return points;
 }

@@ -9,21 +9,21 @@
 namespace atom_core {
 namespace {
 
-constexpr int kSectors = 60;              // about the middle of the piece
+constexpr int kViewSectors = 60;          // about the middle of the piece
 constexpr std::size_t kLeastSectors = 5;  // of an edge
 constexpr std::size_t kMostTried = 24;    // of the sectors of a run, of which circles are laid
 constexpr double kTightest = 0.985;       // cosine of the radius of a circle: ten degrees
-constexpr double kReach = 1.4;            // of the diagonal: as far as is looked
-constexpr double kOpen = 0.9;             // of the reach: what ends before it is open
+constexpr double kViewReach = 1.4;        // of the diagonal: as far as is looked
+constexpr double kViewOpen = 0.9;         // of the reach: what ends before it is open
 constexpr double kPieceReach = 0.8;       // of the diagonal: so far the piece may reach
 constexpr double kRough = 2.5;            // spacings about a first edge, and
 constexpr double kFine = 2.0;             // about the edge
-constexpr double kBinSpacings = 2.0;
+constexpr double kEdgeBinSpacings = 2.0;
 constexpr int kFits = 3;
-constexpr int kLeastBins = 3;          // that the piece ends in, and that end on either side of it
+constexpr int kLeastEdgeBins = 3;      // that the piece ends in, and that end on either side of it
 constexpr int kMostGaps = 1;           // among those on either side
-constexpr double kStraight = 0.8;      // of the bins between end at the edge
-constexpr double kMargin = 1.5;        // spacings
+constexpr double kStraightEdge = 0.8;  // of the bins between end at the edge
+constexpr double kEdgeMargin = 1.5;    // spacings
 constexpr std::size_t kMostEdges = 2;  // that cut one piece
 
 // A direction in which something returns.
@@ -39,7 +39,7 @@ struct End {
 };
 
 std::vector<Ray> RaysAround(const Scan& scan, const PlaneAxes& axes, double diagonal) {
-  const double away = axes.origin.norm(), reach = kReach * diagonal / away;
+  const double away = axes.origin.norm(), reach = kViewReach * diagonal / away;
   const Eigen::Vector3d middle = axes.origin / away;
   const double cosine = 1.0 / std::sqrt(1.0 + reach * reach);
   std::vector<Ray> rays;
@@ -54,12 +54,12 @@ std::vector<Ray> RaysAround(const Scan& scan, const PlaneAxes& axes, double diag
 
 std::vector<End> EndsOfSectors(const std::vector<Ray>& rays, const Eigen::Vector3d& middle) {
   const Eigen::Vector3d right = middle.unitOrthogonal(), up = middle.cross(right);
-  std::vector<End> ends(kSectors);
+  std::vector<End> ends(kViewSectors);
   for (std::size_t i = 0; i < rays.size(); ++i) {
     const double ahead = rays[i].direction.dot(middle);
     const Eigen::Vector2d place(rays[i].direction.dot(right), rays[i].direction.dot(up));
     const double turn = std::atan2(place.y(), place.x()) / (2.0 * M_PI) + 0.5;
-    End& end = ends[std::min(static_cast<int>(turn * kSectors), kSectors - 1)];
+    End& end = ends[std::min(static_cast<int>(turn * kViewSectors), kViewSectors - 1)];
     if (place.norm() / ahead > end.away) end = {place.norm() / ahead, static_cast<int>(i)};
   }
   return ends;
@@ -67,14 +67,14 @@ std::vector<End> EndsOfSectors(const std::vector<Ray>& rays, const Eigen::Vector
 
 // The ends of neighbouring sectors beyond which nothing returns, run by run.
 std::vector<std::vector<int>> OpenRuns(const std::vector<End>& ends, double reach) {
-  const auto is_open = [&](int k) { return ends[k % kSectors].away < kOpen * reach; };
+  const auto is_open = [&](int k) { return ends[k % kViewSectors].away < kViewOpen * reach; };
   std::vector<std::vector<int>> runs;
   int first = 0;
-  while (first < kSectors && is_open(first)) ++first;
+  while (first < kViewSectors && is_open(first)) ++first;
   std::vector<int> run;
-  for (int k = first; k <= first + kSectors; ++k) {
-    const int ray = ends[k % kSectors].ray;
-    const bool is_last = k == first + kSectors;
+  for (int k = first; k <= first + kViewSectors; ++k) {
+    const int ray = ends[k % kViewSectors].ray;
+    const bool is_last = k == first + kViewSectors;
     if (is_open(k) && !is_last) {
       if (ray >= 0) run.push_back(ray);
       continue;
@@ -144,7 +144,7 @@ Bins BinsAlong(const std::vector<Ray>& rays, const ViewEdge& edge, const Eigen::
     const double place = bins.along.dot(ray.direction);
     bins.from = std::min(bins.from, place), to = std::max(to, place);
   }
-  const int count = std::max(static_cast<int>((to - bins.from) / (kBinSpacings * spacing)), 1);
+  const int count = std::max(static_cast<int>((to - bins.from) / (kEdgeBinSpacings * spacing)), 1);
   bins.width = (to - bins.from) / count;
   bins.outermost.assign(count, -1);
   for (std::size_t i = 0; i < rays.size(); ++i) {
@@ -169,7 +169,7 @@ void FitEdge(const std::vector<Ray>& rays, const Bins& bins, double tolerance, V
       near.push_back(rays[ray].direction);
       mean += near.back();
     }
-    if (near.size() < 3 * kLeastBins) return;
+    if (near.size() < 3 * kLeastEdgeBins) return;
     mean /= near.size();
     // The offset along the normal, and small turns of it about two axes.
     const Eigen::Vector3d across = edge->normal.cross(bins.along);
@@ -205,16 +205,16 @@ bool IsEdge(const std::vector<Ray>& rays, const Bins& bins, const ViewEdge& edge
     if (first < 0) first = k;
     last = k, ++cut;
   }
-  if (cut < kLeastBins) return false;
+  if (cut < kLeastEdgeBins) return false;
   int at = 0;
   for (int k = first; k <= last; ++k) at += ends_there(k);
-  if (at < kStraight * (last - first + 1)) return false;
+  if (at < kStraightEdge * (last - first + 1)) return false;
   const auto are_beside = [&](int k, int step) {
     int beside = 0, gaps = 0;
-    for (; k >= 0 && k < count && gaps <= kMostGaps && beside < kLeastBins; k += step) {
+    for (; k >= 0 && k < count && gaps <= kMostGaps && beside < kLeastEdgeBins; k += step) {
       ++(ends_there(k) ? beside : gaps);
     }
-    return beside >= kLeastBins;
+    return beside >= kLeastEdgeBins;
   };
   return are_beside(first - 1, -1) && are_beside(last + 1, 1);
 }
@@ -233,9 +233,9 @@ View FindView(const Scan& scan, const PlaneAxes& axes, double diagonal, double s
   const Eigen::Vector3d middle = axes.origin / away;
   View view;
   view.axes = axes;
-  view.margin = kMargin * step;
+  view.margin = kEdgeMargin * step;
   const std::vector<Ray> rays = RaysAround(scan, axes, diagonal);
-  for (auto& run : OpenRuns(EndsOfSectors(rays, middle), kReach * diagonal / away)) {
+  for (auto& run : OpenRuns(EndsOfSectors(rays, middle), kViewReach * diagonal / away)) {
     for (std::size_t k = 0; k < kMostEdges && run.size() >= kLeastSectors; ++k) {
       ViewEdge edge;
       if (FirstEdge(rays, run, middle, kRough * step, &edge) < kLeastSectors) break;
