@@ -99,7 +99,7 @@ def test_a_transform_that_lacks_a_key(document, refusal, key):
     assert f"collection {collection}, transform '{name}' lacks '{key}'" in refusal(document)
 
 
-@pytest.mark.parametrize("value", [math.nan, math.inf])
+@pytest.mark.parametrize("value", [math.nan, math.inf, True, "12.5"])
 def test_a_pixel_that_is_not_a_number(document, refusal, value, first_label):
     label, key = first_label(document, "rgb_1")
     label["idxs"][3]["y"] = value
@@ -107,9 +107,10 @@ def test_a_pixel_that_is_not_a_number(document, refusal, value, first_label):
     assert f"collection {key}" in line and "'rgb_1'" in line and "not a number" in line
 
 
-def test_an_index_that_is_not_a_number(document, refusal, first_label):
+@pytest.mark.parametrize("value", [math.nan, True, "7", [7]])
+def test_an_index_that_is_not_a_number(document, refusal, value, first_label):
     label, key = first_label(document, "depth_1")
-    label["idxs"][0] = math.nan
+    label["idxs"][0] = value
     line = refusal(document)
     assert f"collection {key}" in line and "'depth_1'" in line
 

@@ -260,7 +260,7 @@ class _Gaps:
 def _has_place(corner: Any) -> bool:
     """Tell whether an entry of a label is a corner with numbers for its pixel."""
     return isinstance(corner, Mapping) and all(
-        isinstance(corner.get(axis), (int, float)) for axis in "xy"
+        type(corner.get(axis)) in (int, float) for axis in "xy"
     )
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import math
 from typing import Any, Dict, Mapping
 
 import numpy as np
@@ -11,6 +13,7 @@ from atom_core.model.labels import DetectionKey, Label, RangeLabel, RgbLabel
 from atom_core.model.modality import LabelFormat
 from atom_core.model.pattern import Pattern
 
+_NO_NUMBERS = {bool, str}  # though numpy takes them for such: true, "1.5"
 _MOST = 2**53  # and all above are not told apart
 
 
@@ -77,7 +80,8 @@ def _corner_document(label: Label) -> Dict[str, Any]:
 def _read_corner_label(value: Mapping[str, Any], pattern: Pattern) -> RgbLabel:
     corners = value["idxs"] or []
     ids = _indices([corner["id"] for corner in corners])
-    pixels = np.array([[c["x"], c["y"]] for c in corners], dtype=float).reshape(-1, 2)
+    pixels = np.array([[_number(c["x"]), _number(c["y"])] for c in corners], dtype=float)
+    pixels = pixels.reshape(-1, 2)
     bad = ~np.all(np.isfinite(pixels), axis=1)
     if np.any(bad):
         raise ValueError(
@@ -96,7 +100,14 @@ def _read_range_label(value: Mapping[str, Any], _: Pattern) -> RangeLabel:
     return RangeLabel(_indices(value["idxs"] or []), _indices(limit or []))
 
 
+def _number(value: Any) -> Any:
+    return math.nan if type(value) in _NO_NUMBERS else value
+
+
 def _indices(values: Any) -> np.ndarray:
+    if _NO_NUMBERS & set(map(type, values)):
+        other = next(value for value in values if type(value) in _NO_NUMBERS)
+        raise ValueError(f"{json.dumps(other)[:40]} is no index of a corner or a point")
     array = np.array(values, dtype=float).reshape(-1)
     wrong = ~((np.abs(array) < _MOST) & (array == np.floor(array)))
     if np.any(wrong):
