@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import textwrap
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,6 +14,8 @@ from atom_core import native
 from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.io.dataset_writer import write_dataset_folder
+from atom_core.report.calibration_results import calibration_results
+from atom_core.report.calibration_verdict import calibration_verdict
 from atom_core.solvers.base import SolverOptions
 from atom_core.synthetic import scenes
 
@@ -78,6 +81,24 @@ def test_false_stops_with_the_best_state(dataset, name, after):
     assert result.message.startswith("interrupted")
     assert result.summary.iterations == after
     assert (result.summary.cost_final < result.summary.cost_initial) == (after > 0)
+
+
+@pytest.mark.parametrize(("after", "state"), [(2, "best state so far"), (12, "start is kept")])
+@pytest.mark.parametrize("name", NAMES)
+def test_interrupted_far_from_any_answer_it_says_so_and_blames_no_data(name, after, state):
+    """A lens that bends everything: the weights change meanwhile, and the start was better."""
+    scene = scenes.random_scene(2, collections=4, disturbance=(0.1, 0.1))
+    sensors = dict(scene.dataset.sensors)
+    camera = replace(sensors["rgb_1"].camera, D=np.array([1e3, 0.0, 0.0, 0.0, 0.0]))
+    sensors["rgb_1"] = replace(sensors["rgb_1"], camera=camera)
+    dataset = replace(scene.dataset, sensors=sensors)
+    result = calibrated(dataset, name, lambda iteration: iteration.number < after)
+    assert (result.status, result.summary.iterations) == ("not_converged", after)
+    assert result.message.startswith(f"interrupted after {after} iterations")
+    assert state in result.message
+    verdict = calibration_verdict(calibration_results(result, name))
+    for sensor in verdict.sensors.values():
+        assert sensor.grade == "wrong" and sensor.advice == "let the solver end"
 
 
 INTERRUPTED = """

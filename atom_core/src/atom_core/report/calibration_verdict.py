@@ -229,6 +229,8 @@ def _sensor(
 
 def _of_the_status(results: CalibrationResults, name: str) -> List[Finding]:
     calibration = results.calibration
+    if calibration.summary.interrupted:
+        return [Finding(WRONG, "the solver was on its way to its place", "let the solver end")]
     if calibration.status in (FAILED, NOT_CONVERGED):
         advice = "see what `check` says of its data, then begin nearer to the truth"
         return [Finding(WRONG, "the solver found no place for it", advice)]

@@ -303,8 +303,8 @@ def _summary(
         return replace(
             summary,
             x=start,
-            status=FAILED,
-            message="the solver ended worse than it started; the start is kept",
+            status=NOT_CONVERGED if end.interrupted else FAILED,
+            message=_message_of_the_start(end),
             cost_final=cost_initial,
         )
     return summary
@@ -314,6 +314,12 @@ def _message(end: Minimum) -> str:
     if end.interrupted:
         return f"interrupted after {end.iterations} iterations; this is the best state so far"
     return end.message
+
+
+def _message_of_the_start(end: Minimum) -> str:
+    if end.interrupted:
+        return f"interrupted after {end.iterations} iterations; the start is kept, which was better"
+    return "the solver ended worse than it started; the start is kept"
 
 
 def covariance_of(solver: Solver, summary: SolverSummary, options: SolverOptions) -> Covariance:

@@ -208,6 +208,8 @@ def _verdict(
     summary = refined.summary
     if refined.failure is not None:
         return FAILED, refined.failure + likely_cause
+    if summary.interrupted:  # what is open or contradicted there may not be so at the end
+        return NOT_CONVERGED, summary.message
     restless = "" if summary.status == CONVERGED else f"; the solver: {summary.message}"
     if weak and summary.status != FAILED:
         opened = f"{len(weak)} undetermined direction(s): {weak[0].why}{restless}"
