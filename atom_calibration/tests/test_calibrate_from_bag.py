@@ -8,11 +8,18 @@ import pytest
 from atom_calibration.nodes.calibrating import calibrate_from_bag
 from atom_calibration.nodes.collecting import collect_from_bag
 from atom_calibration.sources.described_bag import SAVED
+from atom_core.io.collections import CollectionStore
 
 
-@pytest.mark.parametrize("step", ["collect", "calibrate"])
-def test_ctrl_c_is_one_line_and_stands_in_the_status(place, capsys, monkeypatch, step):
+@pytest.mark.parametrize(
+    ("step", "taken"), [("collect", False), ("collect", True), ("calibrate", False)]
+)
+def test_ctrl_c_is_one_line_and_stands_in_the_status(place, capsys, monkeypatch, step, taken):
     def interrupted(*_):
+        if taken:
+            store = CollectionStore.create(place.folder / "dataset")
+            store.write_header({})
+            (place.folder / "dataset" / "collections" / "000.json").write_text("{}")
         raise KeyboardInterrupt
 
     arguments = place()
@@ -23,7 +30,8 @@ def test_ctrl_c_is_one_line_and_stands_in_the_status(place, capsys, monkeypatch,
     assert calibrate_from_bag.main(arguments) == 130
     line = capsys.readouterr().err.splitlines()[-1]
     assert line.startswith(f"calibrate_from_bag: {step}: interrupted")
-    assert ("recover" in line) == (step == "collect")
+    assert ("recover" in line) == taken
+    assert ("before the first collection" in line) == (step == "collect" and not taken)
     status = json.loads((place.folder / "status.json").read_text())
     assert (status["step"], status["exit_code"]) == (step, 130)
     assert line.endswith(status["message"])

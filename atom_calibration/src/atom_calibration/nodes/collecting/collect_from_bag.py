@@ -82,8 +82,11 @@ def main(argv: Optional[Sequence[str]] = None) -> int:
         return INTERRUPTED
 
 
-def interrupted(output: object) -> str:
+def interrupted(output: Path) -> str:
     """Return what is said after Ctrl-C: how to get what was collected so far."""
+    store = CollectionStore(output)
+    if not (store.has_header and store.keys):
+        return "interrupted before the first collection was taken"
     return (
         f"interrupted; what was collected so far is assembled by "
         f"`python3 -m atom_core recover {output}`"
