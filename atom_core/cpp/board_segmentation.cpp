@@ -12,7 +12,6 @@
 namespace atom_core {
 namespace {
 
-constexpr double kProposal = 2.0;     // standard deviations of the inliers of a proposed plane
 constexpr double kUnmeasured = 0.25;  // of the score, for a side
 constexpr int kLaid = 4;              // progress of what a rectangle was laid on
 constexpr double kSmallPiece = 0.5;   // of the shorter side

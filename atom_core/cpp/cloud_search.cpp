@@ -17,7 +17,6 @@
 namespace atom_core {
 namespace {
 
-constexpr double kCloudProposal = 2.0;        // standard deviations of a proposed plane's inliers
 constexpr std::size_t kMostProposing = 1500;  // points that planes are proposed from
 constexpr std::size_t kPatchProposing = 150;  // the same of a patch
 constexpr std::size_t kMostPieces = 3;        // of a plane
@@ -104,8 +103,8 @@ BoardSegment BestOfCloudPlanes(const BoardSearch& search, const Eigen::Vector3d&
   for (int k = 0; k < options.most_planes; ++k) {
     Plane plane;
     if (static_cast<int>(left.size()) < options.least_points ||
-        !ProposePlane(search.window, left, kCloudProposal * options.noise,
-                      kLeastCosine * seed.norm(), &plane)) {
+        !ProposePlane(search.window, left, kProposal * options.noise, kLeastCosine * seed.norm(),
+                      &plane)) {
       break;
     }
     const BoardSegment segment = BestPiece(search, plane, seed);
@@ -271,7 +270,7 @@ class CloudSearch {
     const Window window = MakeWindow(index_.Around(place, reach), patch);
     Plane plane;
     const std::vector<int> some = Some(window.sphere, kPatchProposing);
-    if (!ProposePlane(window, some, kCloudProposal * options_.noise, kLeastCosine * place.norm(),
+    if (!ProposePlane(window, some, kProposal * options_.noise, kLeastCosine * place.norm(),
                       &plane) ||
         plane.sigma > kPatchSigma) {
       Know(window, window.sphere);

@@ -14,8 +14,8 @@
 namespace atom_core {
 namespace {
 
-constexpr double kNearestReturn =
-    0.05;  // [m] what is nearer is the sensor's own housing or invalid
+// What is nearer is the sensor's own housing or invalid [m].
+constexpr double kNearestReturn = 0.05;
 constexpr double kDegree = M_PI / 180.0;         // [rad]
 constexpr double kLeastGap = 0.08 * kDegree;     // between two layers
 constexpr double kWidestLayer = 0.35 * kDegree;  // standard deviation of elevations within a layer

@@ -50,6 +50,9 @@ std::vector<int> OnPlane(const Window& window, const std::vector<int>& among, co
 std::vector<int> OffPlane(const Window& window, const std::vector<int>& among, const Plane& plane,
                           double threshold);
 
+/// Inliers of a plane that is proposed for a board lie this near to it, in standard deviations.
+constexpr double kProposal = 2.0;
+
 /// Finds the plane with the most points among those given (RANSAC), refit to them.
 ///
 /// \param window the returns.

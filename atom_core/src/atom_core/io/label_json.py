@@ -13,7 +13,7 @@ from atom_core.model.labels import DetectionKey, Label, RangeLabel, RgbLabel
 from atom_core.model.modality import LabelFormat
 from atom_core.model.pattern import Pattern
 
-_NO_NUMBERS = {bool, str}  # though numpy takes them for such: true, "1.5"
+_LIKE_NUMBERS = {bool, str}  # none, though numpy takes them for numbers: true, "1.5"
 _MOST = 2**53  # and all above are not told apart
 
 
@@ -80,8 +80,8 @@ def _corner_document(label: Label) -> Dict[str, Any]:
 def _read_corner_label(value: Mapping[str, Any], pattern: Pattern) -> RgbLabel:
     corners = value["idxs"] or []
     ids = _indices([corner["id"] for corner in corners])
-    pixels = np.array([[_number(c["x"]), _number(c["y"])] for c in corners], dtype=float)
-    pixels = pixels.reshape(-1, 2)
+    xys = [[_number(corner["x"]), _number(corner["y"])] for corner in corners]
+    pixels = np.array(xys, dtype=float).reshape(-1, 2)
     bad = ~np.all(np.isfinite(pixels), axis=1)
     if np.any(bad):
         raise ValueError(
@@ -101,12 +101,12 @@ def _read_range_label(value: Mapping[str, Any], _: Pattern) -> RangeLabel:
 
 
 def _number(value: Any) -> Any:
-    return math.nan if type(value) in _NO_NUMBERS else value
+    return math.nan if type(value) in _LIKE_NUMBERS else value
 
 
 def _indices(values: Any) -> np.ndarray:
-    if _NO_NUMBERS & set(map(type, values)):
-        other = next(value for value in values if type(value) in _NO_NUMBERS)
+    if _LIKE_NUMBERS & set(map(type, values)):
+        other = next(value for value in values if type(value) in _LIKE_NUMBERS)
         raise ValueError(f"{json.dumps(other)[:40]} is no index of a corner or a point")
     array = np.array(values, dtype=float).reshape(-1)
     wrong = ~((np.abs(array) < _MOST) & (array == np.floor(array)))

@@ -118,7 +118,7 @@ def solve(
         apply_errors(solver, rough.x, options.model_errors, expected)
     summary = _reweighted(solver, options, rough, np.ones(count), np.zeros(count), expected)
     finite = np.all(np.isfinite([*summary.scales, summary.cost_final]))
-    if summary.status == FAILED and finite and not summary.interrupted:
+    if summary.status == FAILED and finite:
         # The start was better: without a robust loss, gross errors drew the answer away from it.
         return _from_the_start(solver, options, summary)
     return summary
@@ -304,22 +304,21 @@ def _summary(
             summary,
             x=start,
             status=NOT_CONVERGED if end.interrupted else FAILED,
-            message=_message_of_the_start(end),
+            message=_message(end, start_is_kept=True),
             cost_final=cost_initial,
         )
     return summary
 
 
-def _message(end: Minimum) -> str:
+def _message(end: Minimum, start_is_kept: bool = False) -> str:
     if end.interrupted:
-        return f"interrupted after {end.iterations} iterations; this is the best state so far"
+        kept = "this is the best state so far"
+        if start_is_kept:
+            kept = "the start is kept, which was better"
+        return f"interrupted after {end.iterations} iterations; {kept}"
+    if start_is_kept:
+        return "the solver ended worse than it started; the start is kept"
     return end.message
-
-
-def _message_of_the_start(end: Minimum) -> str:
-    if end.interrupted:
-        return f"interrupted after {end.iterations} iterations; the start is kept, which was better"
-    return "the solver ended worse than it started; the start is kept"
 
 
 def covariance_of(solver: Solver, summary: SolverSummary, options: SolverOptions) -> Covariance:
